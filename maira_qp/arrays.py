@@ -1,0 +1,32 @@
+"""Arrays from callers, checked once at the door: native float64, the right shape, finite."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from maira_qp.errors import MairaError
+
+
+def real_array(
+    value: Any, shape: tuple[int | None, ...], name: str, error: type[MairaError], *, finite: bool = True
+) -> np.ndarray:
+    """A fresh float64 array of the given shape (None: any length) from what a caller passed.
+
+    Raises `error` for strings, objects, booleans and complex numbers, for another shape, for NaN, and for
+    infinities unless `finite` is False.
+    """
+    try:
+        raw = np.asarray(value)
+    except (TypeError, ValueError) as reason:
+        raise error(f"{name} is not an array of numbers: {reason}") from None
+    if raw.dtype.kind not in "iuf":
+        raise error(f"{name} must hold real numbers, not {raw.dtype.name} ({value!r:.80})")
+    array = np.array(raw, dtype=np.float64, order="C")
+    if len(array.shape) != len(shape) or any(s not in (None, n) for s, n in zip(shape, array.shape, strict=True)):
+        wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ("," if len(shape) == 1 else "") + ")"
+        raise error(f"{name} must have shape {wanted}, not {array.shape}")
+    if np.isnan(array).any() or (finite and not np.isfinite(array).all()):
+        raise error(f"{name} must be finite, got {np.array2string(array, threshold=20, precision=4)}")
+    return array

@@ -1,0 +1,43 @@
+"""What a caller can get wrong. A numerical outcome is a `Status` of the result, never an exception."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class MairaError(ValueError):
+    """Base of every error that this package raises on purpose."""
+
+
+class RobotError(MairaError):
+    """The robot description cannot be used: malformed URDF or DH table, no joints, a cycle, bad limits."""
+
+
+class FrameError(MairaError):
+    """A frame (link or joint) of that name does not exist; the message lists those that do."""
+
+
+class ConfigurationError(MairaError):
+    """A joint vector has the wrong shape, the wrong type or values that are not finite."""
+
+
+class PoseError(MairaError):
+    """A target is not a rigid transformation."""
+
+
+class OptionError(MairaError):
+    """An option is outside its range, or a combination of options makes no sense."""
+
+
+class BackendError(MairaError):
+    """A QP backend is unknown or not installed; the message lists those that are."""
+
+
+def listed(names: Iterable[str], wanted: str | None = None, limit: int = 40) -> str:
+    """Valid names as text for a message, the nearest to `wanted` first suggested, the list cut at `limit`."""
+    names = list(names)
+    close = difflib.get_close_matches(wanted, names, n=1) if wanted else []
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    rest = f", ... ({len(names) - limit} more)" if len(names) > limit else ""
+    return f"{hint}valid names: {', '.join(names[:limit])}{rest}"

@@ -1,0 +1,226 @@
+"""A serial chain from its Denavit-Hartenberg table: plain NumPy kinematics, independent of Pinocchio.
+
+Standard (distal) convention: link i is `A_i = Rz(theta_i) Tz(d_i) Tx(a_i) Rx(alpha_i)`; a revolute joint adds q to
+theta, a prismatic joint adds q to d (Denavit and Hartenberg, 1955; Siciliano et al., "Robotics", 2009, section 2.8).
+This is the second opinion that the Pinocchio model is tested against, and all that the baselines use.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import yaml
+
+from maira_qp.arrays import real_array
+from maira_qp.errors import ConfigurationError, RobotError, listed
+from maira_qp.orientation import orientation_error
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+JointKind = Literal["revolute", "prismatic", "continuous", "fixed"]
+KINDS: tuple[str, ...] = ("revolute", "prismatic", "continuous", "fixed")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DHLink:
+    """One row of a DH table: a joint and the link that it moves. Lengths in m, angles in rad."""
+
+    kind: JointKind = "revolute"
+    """What moves: theta (revolute, or continuous: without limits), d (prismatic), or nothing (fixed)."""
+    a: float = 0.0
+    """Length along the new x axis [m]."""
+    alpha: float = 0.0
+    """Twist about the new x axis [rad]."""
+    d: float = 0.0
+    """Offset along the joint axis z [m]; for a prismatic joint the offset at q = 0."""
+    theta: float = 0.0
+    """Angle about the joint axis z [rad]; for a revolute joint the angle at q = 0."""
+    lower: float | None = None
+    """Lower limit [rad, or m if prismatic]; None: -pi if revolute, must be given if prismatic."""
+    upper: float | None = None
+    """Upper limit [rad, or m if prismatic]; None: pi if revolute, must be given if prismatic."""
+    velocity: float = math.pi
+    """Largest speed [rad/s, or m/s]; > 0."""
+    effort: float = 100.0
+    """Largest torque or force [N m, or N]; > 0."""
+    name: str | None = None
+    """Joint name; None: `joint<k>`, counted from 1."""
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise RobotError(f"unknown joint kind {self.kind!r}; {listed(KINDS, str(self.kind))}")
+        for key in ("a", "alpha", "d", "theta"):
+            value = getattr(self, key)
+            if not _is_number(value) or not math.isfinite(value):
+                raise RobotError(f"DH parameter {key} must be a finite number, got {value!r}")
+        default = {"revolute": math.pi, "continuous": math.inf, "fixed": 0.0}.get(self.kind)
+        if self.kind in ("continuous", "fixed") and (self.lower is not None or self.upper is not None):
+            raise RobotError(f"a {self.kind} joint has no limits; use kind='revolute' for a limited one")
+        for key, sign in (("lower", -1), ("upper", 1)):
+            value = getattr(self, key)
+            if value is None:
+                if default is None:
+                    raise RobotError("a prismatic joint needs both of its limits, lower and upper [m]")
+                object.__setattr__(self, key, sign * default)
+            elif not _is_number(value) or not math.isfinite(value):
+                raise RobotError(f"limit {key} must be a finite number, got {value!r} (no limit: kind='continuous')")
+        if not self.lower <= self.upper:  # type: ignore[operator]
+            raise RobotError(f"joint limits are inverted: lower {self.lower} > upper {self.upper}")
+        for key in ("velocity", "effort"):
+            value = getattr(self, key)
+            if not _is_number(value) or not 0 < value < math.inf:
+                raise RobotError(f"{key} limit must be a positive number, got {value!r}")
+        if self.name is not None and (not isinstance(self.name, str) or not self.name.strip()):
+            raise RobotError(f"a joint name must be text that is not empty, got {self.name!r}")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+
+
+@dataclass(frozen=True)
+class DHTable:
+    """A serial chain of `DHLink`s with n moving joints and N links in all (fixed ones included)."""
+
+    links: tuple[DHLink, ...]
+    name: str = "arm"
+    joint_names: tuple[str, ...] = field(init=False)
+    """Names of the n moving joints, from the base to the tool."""
+    lower: np.ndarray = field(init=False, repr=False, compare=False)
+    """Lower limits (n,) [rad or m], read-only."""
+    upper: np.ndarray = field(init=False, repr=False, compare=False)
+    """Upper limits (n,) [rad or m], read-only."""
+
+    def __init__(self, links: Iterable[DHLink | Mapping[str, Any]], name: str = "arm") -> None:
+        """Links as `DHLink`s or as mappings of their fields. Raises `RobotError`."""
+        made = tuple(link if isinstance(link, DHLink) else _link(link, i) for i, link in enumerate(links, start=1))
+        moving = [link for link in made if link.kind != "fixed"]
+        if not moving:
+            raise RobotError("the DH table has no moving joint")
+        if not isinstance(name, str) or not name.strip():
+            raise RobotError(f"a robot's name must be text that is not empty, got {name!r}")
+        names = tuple(link.name or f"joint{k}" for k, link in enumerate(moving, start=1))
+        if len(set(names)) < len(names):
+            raise RobotError(f"joint names must differ, got {', '.join(names)}")
+        lower = np.array([link.lower for link in moving], dtype=float)
+        upper = np.array([link.upper for link in moving], dtype=float)
+        lower.flags.writeable = upper.flags.writeable = False
+        for key, value in {"links": made, "name": name, "joint_names": names, "lower": lower, "upper": upper}.items():
+            object.__setattr__(self, key, value)
+
+    @staticmethod
+    def from_file(path: str | Path) -> DHTable:
+        """A table from a TOML or YAML file: `name`, and a list `links` of mappings with the fields of `DHLink`.
+
+        Raises `RobotError` if the file is not such a table, `OSError` if it cannot be read.
+        """
+        path = Path(path)
+        text = path.read_text(encoding="utf-8")
+        try:
+            if path.suffix.lower() == ".toml":
+                content = tomllib.loads(text)
+            elif path.suffix.lower() in (".yaml", ".yml"):
+                content = yaml.safe_load(text)
+            else:
+                raise RobotError(f"{path.name}: a DH file ends in .toml, .yaml or .yml")
+        except (tomllib.TOMLDecodeError, yaml.YAMLError) as reason:
+            raise RobotError(f"{path.name} cannot be parsed: {reason}") from None
+        if not isinstance(content, dict) or not isinstance(content.get("links"), list):
+            raise RobotError(f"{path.name}: needs a list `links`, one entry a link")
+        unknown = set(content) - {"name", "links"}
+        if unknown:
+            raise RobotError(f"{path.name}: unknown entries {', '.join(sorted(map(str, unknown)))}; valid: name, links")
+        return DHTable(content["links"], name=content.get("name", path.stem))
+
+    @property
+    def n(self) -> int:
+        """Number of moving joints."""
+        return len(self.joint_names)
+
+    @cached_property
+    def _columns(self) -> dict[str, np.ndarray]:
+        """The table as arrays over links, and where q enters."""
+        moving = np.array([i for i, link in enumerate(self.links) if link.kind != "fixed"])
+        prismatic = np.array([self.links[i].kind == "prismatic" for i in moving])
+        columns = {key: np.array([getattr(link, key) for link in self.links]) for key in ("a", "alpha", "d", "theta")}
+        return columns | {"moving": moving, "prismatic": prismatic}
+
+    def link_transforms(self, q: np.ndarray) -> np.ndarray:
+        """Each link's own transform A_i (N, 4, 4) at the configuration q (n,)."""
+        q = real_array(q, (self.n,), "q", ConfigurationError)
+        c = self._columns
+        theta, d = c["theta"].copy(), c["d"].copy()
+        theta[c["moving"]] += np.where(c["prismatic"], 0.0, q)
+        d[c["moving"]] += np.where(c["prismatic"], q, 0.0)
+        ct, st, ca, sa = np.cos(theta), np.sin(theta), np.cos(c["alpha"]), np.sin(c["alpha"])
+        A = np.zeros((len(self.links), 4, 4))
+        A[:, 0, 0], A[:, 0, 1], A[:, 0, 2], A[:, 0, 3] = ct, -st * ca, st * sa, c["a"] * ct
+        A[:, 1, 0], A[:, 1, 1], A[:, 1, 2], A[:, 1, 3] = st, ct * ca, -ct * sa, c["a"] * st
+        A[:, 2, 1], A[:, 2, 2], A[:, 2, 3] = sa, ca, d
+        A[:, 3, 3] = 1.0
+        return A
+
+    def compute_htms(self, q: np.ndarray) -> np.ndarray:
+        """Transforms (N + 1, 4, 4) from the base to the end of each link; the first is the identity."""
+        htms = np.empty((len(self.links) + 1, 4, 4))
+        htms[0] = np.eye(4)
+        for i, A in enumerate(self.link_transforms(q)):
+            htms[i + 1] = htms[i] @ A
+        return htms
+
+    def forward(self, q: np.ndarray) -> np.ndarray:
+        """Tool pose T_base_tool (4, 4) at q (n,)."""
+        return self.compute_htms(q)[-1]
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """Geometric Jacobian (6, n) in base axes: linear rows [m/rad or m/m] over angular rows [rad/rad or 0].
+
+        Column i is [z x (p - p_i); z] for a revolute joint and [z; 0] for a prismatic one (Siciliano, section 3.1.3).
+        """
+        return self.jacobian_of(self.compute_htms(q))
+
+    def jacobian_of(self, htms: np.ndarray) -> np.ndarray:
+        """The Jacobian (6, n) of `jacobian`, from the transforms (N + 1, 4, 4) that `compute_htms` gave."""
+        c = self._columns
+        z = htms[c["moving"], :3, 2]  # joint i turns about the z axis of the frame before its link
+        arm = htms[-1, :3, 3] - htms[c["moving"], :3, 3]
+        prismatic = c["prismatic"][:, None]
+        linear = np.where(prismatic, z, np.cross(z, arm))
+        angular = np.where(prismatic, 0.0, z)
+        return np.hstack([linear, angular]).T
+
+    def finite_difference_jacobian(self, q: np.ndarray, step: float = 1e-6) -> np.ndarray:
+        """The same Jacobian (6, n) by central differences of the forward kinematics; error about step^2 + 1e-16/step."""
+        q = real_array(q, (self.n,), "q", ConfigurationError)
+        if not (_is_number(step) and 0 < step < 1):
+            raise ConfigurationError(f"the finite-difference step must be between 0 and 1, got {step!r}")
+        J = np.empty((6, self.n))
+        for i, dq in enumerate(step * np.eye(self.n)):
+            back, ahead = self.forward(q - dq), self.forward(q + dq)
+            J[:3, i] = ahead[:3, 3] - back[:3, 3]
+            J[3:, i] = orientation_error(back[:3, :3], ahead[:3, :3])
+        return J / (2 * step)
+
+
+def _link(row: Any, number: int) -> DHLink:
+    """A `DHLink` from a mapping, its errors naming the row (counted from 1)."""
+    if not isinstance(row, Mapping):
+        raise RobotError(f"link {number} must be a DHLink or a mapping of its fields, got {row!r:.80}")
+    valid = [f.name for f in fields(DHLink)]
+    for key in row:
+        if key not in valid:
+            raise RobotError(f"link {number} has an unknown field {key!r}; {listed(valid, str(key))}")
+    try:
+        return DHLink(**row)
+    except RobotError as reason:
+        raise RobotError(f"link {number}: {reason}") from None
