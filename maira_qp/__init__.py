@@ -1,3 +1,50 @@
-"""maira_qp: constrained inverse kinematics by quadratic programming."""
+"""maira_qp: constrained inverse kinematics by quadratic programming.
+
+import maira_qp as mq
+
+robot = mq.Robot.maira()
+solver = mq.Solver(robot, redundancy=mq.Strict(mq.Posture()))
+solution = solver.solve(mq.pose([0.4, 0.2, 0.9], quaternion=[1, 0, 0, 0]))
+"""
+
+from maira_qp import errors
+from maira_qp.orientation import pose_error
+from maira_qp.problem.backends import Backend
+from maira_qp.problem.limits import LinearLimit
+from maira_qp.problem.objectives import LimitDistance, Manipulability, ObstacleDistance, Posture
+from maira_qp.problem.pose import pose
+from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.tasks import OrientationTask, PoseTask, PositionTask
+from maira_qp.robots.dh import DHLink, DHTable
+from maira_qp.robots.robot import Robot
+from maira_qp.solvers.options import Options
+from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step
+from maira_qp.solvers.solver import Solver
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "Backend",
+    "BatchSolution",
+    "DHLink",
+    "DHTable",
+    "LimitDistance",
+    "LinearLimit",
+    "Manipulability",
+    "ObstacleDistance",
+    "Options",
+    "OrientationTask",
+    "PoseTask",
+    "PositionTask",
+    "Posture",
+    "Robot",
+    "Solution",
+    "Solver",
+    "Status",
+    "Step",
+    "Strict",
+    "Weighted",
+    "errors",
+    "pose",
+    "pose_error",
+]

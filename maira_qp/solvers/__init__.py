@@ -1,0 +1,1 @@
+"""How it is answered: the solver, its verbs, and the loop behind them."""

@@ -1,0 +1,106 @@
+"""Who solves a QP: the backends of qpsolvers, each with settings that make it accurate, none trusted.
+
+Before a backend sees a QP it is made one of size 1 (`x = s y`, H and c divided by their largest entries): with
+tolerances that are absolute, as most are, a small QP would otherwise be "solved" by x = 0. After it, the status is read
+and the box is enforced by clipping.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import qpsolvers
+import scipy.sparse
+
+from maira_qp.errors import BackendError, listed
+from maira_qp.problem.qp import QP, QPSolution
+
+ACCURATE: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {
+        "daqp": {"primal_tol": 1e-11, "dual_tol": 1e-11},
+        "proxqp": {"eps_abs": 1e-10, "eps_rel": 0.0, "max_iter": 1000, "max_iter_in": 100},  # unbounded, it may hang
+        "piqp": {"eps_abs": 1e-11, "eps_rel": 0.0},
+        "osqp": {"eps_abs": 1e-8, "eps_rel": 0.0, "max_iter": 20_000, "eps_prim_inf": 1e-12, "eps_dual_inf": 1e-12},
+        "clarabel": {"tol_feas": 1e-11, "tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11},
+    }
+)
+"""Settings of each backend for residuals of about 1e-8 or below on a QP of size 1."""
+
+INFINITE = 1e20
+"""A bound beyond this, on a QP of size 1, is none."""
+
+
+def available() -> tuple[str, ...]:
+    """Names of the backends installed here."""
+    return tuple(qpsolvers.available_solvers)
+
+
+@dataclass(frozen=True)
+class Backend:
+    """A QP backend by its name, with its settings. Raises `BackendError` if it is not installed."""
+
+    name: str = "daqp"
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """Passed on to the backend in place of the accurate settings; empty: those."""
+
+    def __post_init__(self) -> None:
+        if self.name not in available():
+            raise BackendError(f"no QP backend {self.name!r} here; {listed(available(), str(self.name))}")
+        object.__setattr__(self, "settings", dict(self.settings or ACCURATE.get(self.name, {})))
+
+    def solve(self, qp: QP) -> QPSolution:
+        """The solution of a QP; a failure of any kind is a solution that says `found=False`."""
+        if not qp.is_well_posed():
+            return _nothing(qp, "the QP holds NaN or an empty interval")
+        unit, step, force = _unit_size(qp)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # backends warn of what the status says
+                answer = qpsolvers.solve_problem(self._problem(unit), self.name, **self.settings)
+        except Exception as reason:  # whatever a backend raises, its QP was not solved
+            return _nothing(qp, f"{self.name}: {reason}")
+        if not answer.found or answer.x is None or not np.isfinite(answer.x).all():
+            return _nothing(qp, f"{self.name} did not converge")
+        return QPSolution(
+            qp,
+            found=True,
+            x=np.clip(step * answer.x, qp.lower, qp.upper),
+            z=force * _or_zeros(answer.z, len(qp.h)),
+            z_box=force * _or_zeros(answer.z_box, len(qp.c)),
+        )
+
+    def _problem(self, qp: QP) -> qpsolvers.Problem:
+        H, G, h = qp.H, (qp.G if len(qp.h) else None), (qp.h if len(qp.h) else None)
+        if self.name not in qpsolvers.dense_solvers:
+            H, G = scipy.sparse.csc_matrix(H), (None if G is None else scipy.sparse.csc_matrix(G))
+        bounded = bool(np.isfinite(qp.lower).any() or np.isfinite(qp.upper).any())
+        return qpsolvers.Problem(H, qp.c, G, h, None, None, *((qp.lower, qp.upper) if bounded else ()))
+
+
+def _unit_size(qp: QP) -> tuple[QP, float, float]:
+    """The QP in `y = x / step` with largest entries of 1 in H and c; the step; the force that scales multipliers."""
+    hessian = np.abs(qp.H).max(initial=0) or 1.0
+    force = np.abs(qp.c).max(initial=0) or hessian
+    step = force / hessian
+    if not (0 < step < np.inf):
+        hessian = force = step = 1.0
+    with np.errstate(over="ignore"):
+        lower, upper, h = qp.lower / step, qp.upper / step, qp.h / step
+    lower = np.where(lower < -INFINITE, -np.inf, lower)
+    upper = np.where(upper > INFINITE, np.inf, upper)
+    unit = QP(qp.H / hessian, qp.c / force, lower, upper, qp.G, np.minimum(h, INFINITE))
+    return unit, step, force
+
+
+def _or_zeros(multipliers: np.ndarray | None, size: int) -> np.ndarray:
+    return np.zeros(size) if multipliers is None or len(multipliers) != size else np.asarray(multipliers)
+
+
+def _nothing(qp: QP, reason: str) -> QPSolution:
+    x = np.clip(np.zeros(len(qp.c)), qp.lower, np.maximum(qp.lower, qp.upper))
+    return QPSolution(qp, False, x, np.zeros(len(qp.h)), np.zeros(len(qp.c)), reason)

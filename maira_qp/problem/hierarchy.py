@@ -1,0 +1,177 @@
+"""A strict hierarchy of quadratic levels under common limits.
+
+Level 1 solves its box QP. Level k then moves only where the levels above it do not feel it: with Z an orthonormal basis
+of the null space of all rows above, it minimises its own cost over
+
+    { dq + Z z  :  lower <= dq + Z z <= upper,  G (dq + Z z) <= h }
+
+from the dq of the level above. z = 0 is always feasible, so no level can fail, and J Z = 0 holds to rounding whether a
+limit is active or not: level k cannot change the residual of a level above it. (Projecting level k into the null space
+*inside* one QP has no such property: an active limit couples the two.) One redundant degree of freedom makes z a number
+and its QP a clamp. The lexicographic problem is that of Kanoun, Lamiraux and Wieber, "Kinematic control of redundant
+manipulators: generalizing the task-priority framework to inequality tasks", 2011; the null-space form that of Escande,
+Mansard and Wieber, "Hierarchical quadratic programming", 2014, section 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from maira_qp.problem.backends import Backend
+from maira_qp.problem.limits import Bounds
+from maira_qp.problem.qp import QP
+
+RANK_THRESHOLD = 1e-11
+"""Singular values below this share of the largest count as zero: what moves along such a direction changes the residual
+above by no more than that share."""
+
+FEASIBILITY = 1e-11
+"""How far [rad or m] a level's step may overstep a limit before it is shortened; what remains is clipped."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """A convex quadratic model `cost + c^T dq + 1/2 dq^T H dq` of one priority level at a configuration."""
+
+    H: np.ndarray
+    """(n, n), symmetric; where it is indefinite the level uses its positive part on the subspace that is left to it"""
+    c: np.ndarray
+    """(n,), the gradient"""
+    rows: np.ndarray
+    """(m, n), what the levels below must leave as it is: they move in its null space"""
+    cost: float = 0.0
+
+    def damped(self, mu: float) -> Level:
+        """The same with `1/2 mu |dq|^2` added (Levenberg-Marquardt)."""
+        return Level(self.H + mu * np.eye(len(self.c)), self.c, self.rows, self.cost)
+
+
+@dataclass(frozen=True)
+class Subproblem:
+    """One level's QP in the coordinates z of the subspace left to it: `dq = start + Z z`."""
+
+    qp: QP
+    start: np.ndarray
+    Z: np.ndarray
+
+    def displacement(self, z: np.ndarray) -> np.ndarray:
+        """dq (n,) of z."""
+        return self.start + self.Z @ z
+
+
+def build_first(level: Level, bounds: Bounds) -> Subproblem:
+    """Level 1: a QP with a box, in the joints that can move at all (a locked one leaves the QP)."""
+    free = bounds.lower < bounds.upper
+    start = np.where(free, 0.0, bounds.lower)
+    Z = np.eye(len(free))[:, free]
+    H, c, h = level.H, level.c, bounds.h
+    if not free.all():
+        c, h = (c + H @ start)[free], h - bounds.G @ start
+        H = H[np.ix_(free, free)]
+    return Subproblem(QP(H, c, bounds.lower[free], bounds.upper[free], bounds.G[:, free], h), start, Z)
+
+
+def build_next(level: Level, bounds: Bounds, start: np.ndarray, Z: np.ndarray) -> Subproblem:
+    """A lower level: a QP in the few z, from the `start` (n,) of the level above, with every limit as a row."""
+    H = positive_part(Z.T @ level.H @ Z)
+    c = Z.T @ (level.c + level.H @ start)
+    rows = np.vstack([Z, -Z, bounds.G @ Z])
+    room = _room(bounds, start)
+    felt = np.isfinite(room) & (rows != 0).any(axis=1)
+    free = np.full(Z.shape[1], np.inf)
+    return Subproblem(QP(H, c, -free, free, rows[felt], room[felt]), start, Z)
+
+
+def solve_hierarchy(levels: Sequence[Level], bounds: Bounds, backend: Backend) -> np.ndarray | None:
+    """Displacement dq (n,) of the whole hierarchy, within the bounds; None if the backend could not solve level 1.
+
+    dq is inside the box to the bit. A level below the first that its backend cannot solve is left out.
+    """
+    first = build_first(levels[0], bounds)
+    solution = backend.solve(first.qp)
+    if not solution.found:
+        return None
+    dq, Z = _shortened(first, solution.x, bounds), first.Z
+    for above, level in pairwise(levels):
+        Z = _subspace(Z, above.rows)
+        if Z.shape[1] == 0:
+            break
+        below = build_next(level, bounds, dq, Z)
+        dq = _shortened(below, _solve_in_null_space(below.qp, backend), bounds)
+    return np.clip(dq, bounds.lower, bounds.upper)
+
+
+def projected_step(gradient: np.ndarray, rows: np.ndarray, bounds: Bounds, backend: Backend) -> np.ndarray:
+    """Steepest descent (n,) along `rows dq = 0` and within the bounds: zero exactly at a stationary point.
+
+    It is the point of that set nearest to -gradient, so its size is that of the gradient's part which no constraint
+    holds up (Nocedal and Wright, section 12.3).
+    """
+    if len(rows) == 0 and len(bounds.h) == 0:
+        return np.clip(-gradient, bounds.lower, bounds.upper)
+    n = len(gradient)
+    Z = _subspace(np.eye(n)[:, bounds.lower < bounds.upper], rows)
+    if Z.shape[1] == 0:
+        return np.zeros(n)
+    problem = build_next(Level(np.eye(n), gradient, np.eye(n)), bounds, np.zeros(n), Z)
+    return _shortened(problem, _solve_in_null_space(problem.qp, backend), bounds)
+
+
+def _subspace(Z: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """The part (n, k') of the subspace with basis Z (n, k) that the rows (m, n) do not feel."""
+    Z = Z @ null_space(rows @ Z)
+    Z[np.abs(Z) < RANK_THRESHOLD] = 0.0  # a joint that takes no part must not feel its limit
+    return Z
+
+
+def null_space(A: np.ndarray) -> np.ndarray:
+    """Orthonormal basis (n, k) of the null space of A (m, n), its rank decided by `RANK_THRESHOLD`."""
+    m, n = A.shape
+    if m == 0 or n == 0:
+        return np.eye(n)
+    _, s, Vt = np.linalg.svd(A)
+    return Vt[int((s > RANK_THRESHOLD * s[0]).sum()) :].T if s[0] > 0 else np.eye(n)
+
+
+def positive_part(H: np.ndarray) -> np.ndarray:
+    """H with its eigenvalues replaced by their sizes, and those near zero lifted: a descent direction from any H."""
+    if len(H) == 1:
+        return np.maximum(np.abs(H), 1e-12)
+    values, V = np.linalg.eigh(H)
+    sizes = np.abs(values)
+    return (V * np.maximum(sizes, max(1e-9 * sizes.max(), 1e-12))) @ V.T
+
+
+def _solve_in_null_space(qp: QP, backend: Backend) -> np.ndarray:
+    """z (k,) of a lower level: a clamp where k = 1, else by the backend; zero where that fails."""
+    if len(qp.c) > 1:
+        solution = backend.solve(qp)
+        return solution.x if solution.found else np.zeros(len(qp.c))
+    g = qp.G[:, 0]
+    room = qp.h / np.where(g == 0, 1.0, g)
+    low = np.max(room[g < 0], initial=-np.inf)
+    high = np.min(room[g > 0], initial=np.inf)
+    return np.clip(-qp.c / qp.H[0], low, high)
+
+
+def _shortened(problem: Subproblem, z: np.ndarray, bounds: Bounds) -> np.ndarray:
+    """dq (n,) of the longest step along z, at most z itself, that oversteps no limit by more than `FEASIBILITY`.
+
+    z = 0 is feasible, so however inaccurate the backend is the step is feasible; and since it is shortened as a whole
+    and not clipped, it stays in the null space of the levels above.
+    """
+    step, start = problem.Z @ z, problem.start
+    move = np.concatenate([step, -step, bounds.G @ step])
+    room = _room(bounds, start) + FEASIBILITY
+    over = move > room
+    return start + np.min(room[over] / move[over], initial=1.0) * step
+
+
+def _room(bounds: Bounds, dq: np.ndarray) -> np.ndarray:
+    """What dq (n,) leaves of the upper bounds, the lower bounds and the rows, in this order (2n + m,)."""
+    room = np.concatenate([bounds.upper - dq, dq - bounds.lower, bounds.h - bounds.G @ dq])
+    return np.maximum(room, 0.0)

@@ -1,0 +1,58 @@
+"""The two ways to use an arm's redundancy: a weighted trade-off, or a strict hierarchy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from maira_qp.errors import OptionError
+from maira_qp.problem.objectives import Objective
+from maira_qp.robots.robot import Robot
+
+
+@dataclass(frozen=True)
+class Weighted:
+    """The objective stands beside the pose in one cost, `1/2 |W e|^2 + weight objective`.
+
+    A trade-off: at its optimum a pose error of the order of the weight remains, and is reported.
+    """
+
+    objective: Objective
+    weight: float = 1e-3
+    """What the objective counts against the pose; > 0."""
+
+    def __post_init__(self) -> None:
+        _check_objective(self.objective)
+        if not (isinstance(self.weight, (int, float)) and 0 < self.weight < math.inf):
+            raise OptionError(f"the weight of Weighted must be a positive number, got {self.weight!r}")
+
+    def of(self, robot: Robot) -> Weighted:
+        """The same with its objective made for this robot."""
+        return Weighted(self.objective.of(robot), self.weight)
+
+
+@dataclass(frozen=True, init=False)
+class Strict:
+    """Each objective acts only where those before it, and the pose before all, are left exactly as they are."""
+
+    objectives: tuple[Objective, ...]
+
+    def __init__(self, *objectives: Objective) -> None:
+        """Objectives in falling priority, at least one."""
+        if not objectives:
+            raise OptionError("Strict needs an objective, for example Strict(Posture())")
+        for objective in objectives:
+            _check_objective(objective)
+        object.__setattr__(self, "objectives", tuple(objectives))
+
+    def of(self, robot: Robot) -> Strict:
+        """The same with its objectives made for this robot."""
+        return Strict(*(objective.of(robot) for objective in self.objectives))
+
+
+def _check_objective(objective: object) -> None:
+    if not isinstance(objective, Objective):
+        raise OptionError(
+            f"not an objective: {objective!r:.80}; "
+            "valid: Posture(), LimitDistance(), Manipulability(), ObstacleDistance(...)"
+        )

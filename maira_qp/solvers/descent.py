@@ -1,0 +1,110 @@
+"""Damped Gauss-Newton descent of a cost within limits, a QP an iteration: the inner loop of every solve.
+
+    q <- clip(q + dq),   dq = argmin  c^T dq + 1/2 dq^T (H + mu I) dq   subject to   lower - q <= dq <= upper - q
+
+H and c are the cost's quadratic model at q (for the pose: `H = J^T W^2 J`, `c = -J^T W^2 e`). A step counts only if the
+true cost falls. The damping is mu = factor * damping * 2 cost, for the pose proportional to |W e|^2, which keeps the
+fast convergence of Gauss-Newton near a solution and gives it safe steps far away (Sugihara, "Solvability-unconcerned
+inverse kinematics by the Levenberg-Marquardt method", IEEE T-RO 2011). Accepted steps shrink the factor, refused ones
+raise it (Marquardt, 1963).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from maira_qp.problem.costs import Cost
+from maira_qp.problem.hierarchy import Level, solve_hierarchy
+from maira_qp.robots.configuration import Configuration
+from maira_qp.solvers.setting import Setting
+
+ACCEPTED, REFUSED = 0.3, 8.0
+"""What an accepted and a refused step do to the damping factor."""
+
+FACTOR_RANGE = (1e-6, 1e12)
+LEAST_DAMPING = 1e-9
+"""Floor of mu as a share of the largest entry of H: below it backends take H for singular."""
+
+
+class Budget:
+    """What is left of a solve's iterations and time."""
+
+    def __init__(self, deadline: float | None) -> None:
+        """A deadline [s] from now, or None."""
+        self.iterations = 0
+        self._end = None if deadline is None else time.monotonic() + deadline
+
+    def late(self) -> bool:
+        """The deadline has passed."""
+        return self._end is not None and time.monotonic() >= self._end
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Where a descent ended."""
+
+    at: Configuration
+    cost: float
+    reached: bool
+    """The caller's criterion was met."""
+
+
+class Stall:
+    """Counts accepted steps in a row that improve the cost by less than a share."""
+
+    def __init__(self, steps: int, ratio: float) -> None:
+        """Stalled after `steps` of them; `ratio` is the share."""
+        self._left = self._steps = steps
+        self._ratio = ratio
+
+    def after(self, before: float, now: float) -> bool:
+        """Whether the descent has stalled with this step."""
+        self._left = self._steps if now < (1 - self._ratio) * before else self._left - 1
+        return self._left <= 0
+
+
+def descend(
+    cost: Cost,
+    start: Configuration,
+    setting: Setting,
+    budget: Budget,
+    *,
+    reached: Callable[[Configuration], bool],
+    max_iterations: int,
+    stall: Stall | None = None,
+) -> Descent:
+    """Lower the cost from a start until `reached`, or stalled, or out of iterations or time, or at a fixed point."""
+    at, factor = start, 1.0
+    level = cost.level(at)
+    for _ in range(max_iterations):
+        if reached(at):
+            return Descent(at, level.cost, True)
+        if budget.late():
+            break
+        budget.iterations += 1
+        trial = _trial(level, factor, at, setting)
+        value = np.inf if trial is None else cost.value(trial)
+        if trial is not None and value < level.cost:
+            before, at = level.cost, trial
+            level = cost.level(at)
+            factor = max(factor * ACCEPTED, FACTOR_RANGE[0])
+            if stall is not None and stall.after(before, value):
+                break
+        else:
+            if trial is not None and np.array_equal(trial.q, at.q):
+                break  # the step is below the resolution of q
+            factor *= REFUSED
+            if factor > FACTOR_RANGE[1]:
+                break
+    return Descent(at, level.cost, reached(at))
+
+
+def _trial(level: Level, factor: float, at: Configuration, setting: Setting) -> Configuration | None:
+    """The configuration after one QP step, inside the limits; None if the backend failed."""
+    mu = factor * setting.options.damping * 2 * level.cost + LEAST_DAMPING * float(np.abs(level.H).max())
+    dq = solve_hierarchy([level.damped(mu)], setting.bounds(at.q), setting.backend)
+    return None if dq is None else setting.moved(at, dq)

@@ -1,0 +1,101 @@
+"""Reach the pose: descents from the caller's start and then from random ones, until one arrives.
+
+Attempt 0 starts at q0. Every other start is the best of a few random configurations by its cost, which costs as little
+as forward kinematics and saves whole descents (multi-start local search; compare Beeson and Ames, "TRAC-IK", Humanoids
+2015). An attempt that stalls is left early: many short attempts find more than few long ones.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from maira_qp.problem.costs import ExactTaskCost, TaskCost
+from maira_qp.problem.hierarchy import projected_step
+from maira_qp.robots.configuration import Configuration
+from maira_qp.solvers.descent import Budget, Descent, Stall, descend
+from maira_qp.solvers.setting import Setting
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Search:
+    """The best that was found, and after how many restarts."""
+
+    best: Descent
+    restarts: int
+
+
+def search(
+    cost: TaskCost,
+    q0: np.ndarray | None,
+    setting: Setting,
+    budget: Budget,
+    rng: Callable[[], np.random.Generator],
+    reached: Callable[[Configuration], bool],
+) -> Search:
+    """Descend from q0 (None: from a random start) and from random starts until `reached` or out of restarts or time.
+
+    `rng` makes the target's random stream when it is first needed.
+    """
+    options = setting.options
+    stream: np.random.Generator | None = None
+    best: Descent | None = None
+    attempt = 0
+    while True:
+        if attempt == 0 and q0 is not None:
+            start = setting.robot.at(q0)
+        else:
+            stream = stream or rng()
+            start = random_start(cost, setting, stream)
+        descent = descend(
+            cost,
+            start,
+            setting,
+            budget,
+            reached=reached,
+            max_iterations=options.max_iterations,
+            stall=Stall(options.stall_steps, options.stall_ratio),
+        )
+        if best is None or descent.reached or descent.cost < best.cost:
+            best = descent
+        if descent.reached or attempt == options.max_restarts or budget.late():
+            log.debug("search: reached=%s after %d restarts, cost %.3g", best.reached, attempt, best.cost)
+            return Search(best, attempt)
+        attempt += 1
+
+
+def random_start(cost: TaskCost, setting: Setting, stream: np.random.Generator) -> Configuration:
+    """The best by cost of a few random configurations within the limits."""
+    candidates = [
+        setting.robot.at(setting.admitted(setting.robot.random_configuration(stream)))
+        for _ in range(setting.options.start_candidates)
+    ]
+    return min(candidates, key=cost.value)
+
+
+def nearest(cost: TaskCost, descent: Descent, setting: Setting, budget: Budget) -> Descent:
+    """From where a search ended short of the pose, Newton's method to the stationary point of the true error.
+
+    `reached` of the result says that it is stationary: the projected gradient is below its tolerance.
+    """
+    return descend(
+        ExactTaskCost(cost),
+        descent.at,
+        setting,
+        budget,
+        reached=lambda at: stationarity(cost, at, setting) <= setting.options.stationarity_tolerance,
+        max_iterations=setting.options.max_settling,
+    )
+
+
+def stationarity(cost, at: Configuration, setting: Setting, rows: np.ndarray | None = None) -> float:
+    """Largest entry of the cost's gradient that neither the limits nor the `rows` (m, n) above it hold up."""
+    n = setting.robot.n
+    gradient = cost.level(at).c
+    keep = np.empty((0, n)) if rows is None else rows
+    return float(np.abs(projected_step(gradient, keep, setting.bounds(at.q), setting.backend)).max())

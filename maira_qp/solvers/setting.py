@@ -1,0 +1,46 @@
+"""What stays the same through one solve: the robot, its limits, who solves the QPs, the options."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from maira_qp.errors import OptionError
+from maira_qp.problem.backends import Backend
+from maira_qp.problem.limits import Bounds, Limit, merge
+from maira_qp.problem.qp import QP
+from maira_qp.robots.configuration import Configuration
+from maira_qp.robots.robot import Robot
+from maira_qp.solvers.options import Options
+
+
+@dataclass(frozen=True)
+class Setting:
+    """The surroundings of a solve."""
+
+    robot: Robot
+    limits: tuple[Limit, ...]
+    backend: Backend
+    options: Options
+
+    def bounds(self, q: np.ndarray, dt: float | None = None) -> Bounds:
+        """All limits on a displacement from q (n,), in a tick of dt [s] if given."""
+        return merge(self.limits, q, dt)
+
+    def moved(self, at: Configuration, dq: np.ndarray) -> Configuration:
+        """The configuration after a displacement dq (n,), inside the joint limits to the bit."""
+        return self.robot.at(self.robot.clip(at.q + dq))
+
+    def admitted(self, q: np.ndarray) -> np.ndarray:
+        """The configuration (n,) within all limits that is nearest to q (n,). Raises `OptionError` if there is none."""
+        clipped = self.robot.clip(q)
+        rows = [row for limit in self.limits if (row := limit.rows(clipped)) is not None]
+        if not any((h < 0).any() for _, h in rows):
+            return clipped
+        G, h = np.vstack([G for G, _ in rows]), np.concatenate([h for _, h in rows])
+        lower, upper = self.robot.lower - clipped, self.robot.upper - clipped
+        nearest = self.backend.solve(QP(np.eye(len(q)), clipped - q, lower, upper, G, h))
+        if not nearest.found:
+            raise OptionError(f"no configuration satisfies the limits together ({nearest.reason})")
+        return self.robot.clip(clipped + nearest.x)

@@ -1,0 +1,163 @@
+"""Settle the redundancy once the pose is reached.
+
+*Weighted*: descend the weighted sum from the reached configuration, so that the pose error left is at most what the
+objective gained.
+
+*Strict*: walk along the self-motion manifold. Each step is the hierarchy's: level 1 holds the pose, level 2 (3, ...)
+moves in its null space by a Newton step of the objective, inside the limits and a trust region. The Hessian of level 2
+is that of the Lagrangian, the objective's plus the pose's curvature times the multipliers, so that the walk converges
+quadratically along a curved manifold too. After the step a few descents of the pose alone bring the arm back onto the
+manifold; the step counts if the pose is within tolerance and the objective fell. The walk ends when the projected
+gradient vanishes. (A feasible sequential quadratic programming method: Nocedal and Wright, "Numerical Optimization",
+2006, chapter 18; for the manifold Luenberger, "The gradient projection method along geodesics", 1972.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from maira_qp.problem.costs import TaskCost, WeightedCost, objective_level
+from maira_qp.problem.hierarchy import projected_step, solve_hierarchy
+from maira_qp.problem.objectives import Objective
+from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.robots.configuration import Configuration
+from maira_qp.solvers.descent import LEAST_DAMPING, Budget, descend
+from maira_qp.solvers.search import stationarity
+from maira_qp.solvers.setting import Setting
+
+FIRST_RADIUS = 0.5
+"""Trust region of the first step [rad or m]."""
+
+LEAST_RADIUS = 1e-9
+"""A walk whose steps must be shorter than this has stopped [rad or m]."""
+
+RESTORING = 6
+"""Iterations that a step may take to come back to the pose."""
+
+RESTORED = 0.5e-22
+"""The pose counts as regained when its cost `1/2 |W e|^2` is below this: an error of 1e-11."""
+
+SAME = 1e-10
+"""Two values of a higher objective this near to each other leave the word to the next one."""
+
+RESOLUTION = 1e-15
+"""A predicted gain below this share of the objective cannot be told from rounding."""
+
+
+@dataclass(frozen=True)
+class Settled:
+    """Where the redundancy was settled."""
+
+    at: Configuration
+    projected_gradient: float
+
+
+def settle(
+    redundancy: Weighted | Strict,
+    cost: TaskCost,
+    at: Configuration,
+    setting: Setting,
+    budget: Budget,
+    reached: Callable[[Configuration], bool],
+) -> Settled:
+    """From a configuration that reaches the pose to the optimum of the redundancy near it."""
+    if isinstance(redundancy, Weighted):
+        return _trade_off(WeightedCost(cost, redundancy.objective, redundancy.weight), at, setting, budget)
+    walk = _Walk(cost, redundancy.objectives, setting, budget, reached)
+    return walk.run(at)
+
+
+def _trade_off(cost: WeightedCost, at: Configuration, setting: Setting, budget: Budget) -> Settled:
+    tolerance = setting.options.stationarity_tolerance * min(1.0, cost.weight)
+    end = descend(
+        cost,
+        at,
+        setting,
+        budget,
+        reached=lambda at: stationarity(cost, at, setting) <= tolerance,
+        max_iterations=setting.options.max_settling,
+    )
+    return Settled(end.at, stationarity(cost, end.at, setting))
+
+
+@dataclass(frozen=True)
+class _Walk:
+    """A walk along the self-motion to the optimum of the objectives, in falling priority."""
+
+    cost: TaskCost
+    objectives: tuple[Objective, ...]
+    setting: Setting
+    budget: Budget
+    reached: Callable[[Configuration], bool]
+
+    def run(self, at: Configuration) -> Settled:
+        """Steps until no objective can fall any more."""
+        at = self._restored(at) or at
+        radius = FIRST_RADIUS
+        for _ in range(self.setting.options.max_settling):
+            if self._is_optimal(at) or self.budget.late():
+                break
+            dq, gain = self._step(at, radius)
+            trial = self._restored(self.setting.moved(at, dq))
+            if trial is not None and self._better(trial, at):
+                radius = 2 * radius if np.abs(dq).max() > 0.9 * radius else radius
+                at = trial
+            else:
+                radius = 0.25 * min(radius, float(np.abs(dq).max()))
+                if radius < LEAST_RADIUS or gain <= RESOLUTION * (1 + abs(self.objectives[0].cost(at))):
+                    break
+        return Settled(at, self._projected_gradient(at, 0))
+
+    def _step(self, at: Configuration, radius: float) -> tuple[np.ndarray, float]:
+        """The hierarchy's displacement (n,) within the trust region, and what it promises the first objective."""
+        self.budget.iterations += 1
+        rows, _ = self.cost.rows(at)
+        pose = self.cost.level(at)
+        levels = [pose.damped(LEAST_DAMPING * float(np.abs(pose.H).max()))]
+        for objective in self.objectives:
+            curvature = self.cost.curvature(at, self._multipliers(objective, rows, at))
+            levels.append(objective_level(objective, at, curvature))
+        dq = solve_hierarchy(levels, self.setting.bounds(at.q).within(radius), self.setting.backend)
+        if dq is None:
+            return np.zeros_like(at.q), 0.0
+        return dq, -float(levels[1].c @ dq + 0.5 * dq @ levels[1].H @ dq)
+
+    def _multipliers(self, objective: Objective, rows: np.ndarray, at: Configuration) -> np.ndarray:
+        """Multipliers (m,) of the pose's rows (m, n) that balance the objective's gradient off the limits."""
+        bounds = self.setting.bounds(at.q)
+        inside = (bounds.lower < 0) & (bounds.upper > 0)
+        return np.linalg.lstsq(rows[:, inside].T, -objective.gradient(at)[inside], rcond=1e-6)[0]
+
+    def _restored(self, at: Configuration) -> Configuration | None:
+        """The configuration brought back onto the pose; None where that fails."""
+        end = descend(
+            self.cost,
+            at,
+            self.setting,
+            self.budget,
+            reached=lambda at: self.cost.value(at) <= RESTORED,
+            max_iterations=RESTORING,
+        )
+        return end.at if self.reached(end.at) else None
+
+    def _better(self, trial: Configuration, at: Configuration) -> bool:
+        """The first objective that differs by more than rounding is lower in the trial."""
+        for objective in self.objectives:
+            before, now = objective.cost(at), objective.cost(trial)
+            if abs(now - before) > (SAME * (1 + abs(before)) if objective is not self.objectives[-1] else 0.0):
+                return now < before
+        return False
+
+    def _projected_gradient(self, at: Configuration, priority: int) -> float:
+        """Largest entry of an objective's gradient that the limits, the pose and the objectives above leave free."""
+        rows = [self.cost.rows(at)[0], *(above.hessian(at) for above in self.objectives[:priority])]
+        gradient = self.objectives[priority].gradient(at)
+        step = projected_step(gradient, np.vstack(rows), self.setting.bounds(at.q), self.setting.backend)
+        return float(np.abs(step).max())
+
+    def _is_optimal(self, at: Configuration) -> bool:
+        tolerance = self.setting.options.stationarity_tolerance
+        return all(self._projected_gradient(at, k) <= tolerance for k in range(len(self.objectives)))

@@ -1,0 +1,37 @@
+"""One control tick: the hierarchy's QP at the configuration of now, limits on position and velocity in one box."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from maira_qp.problem.costs import TaskCost, WeightedCost, objective_level
+from maira_qp.problem.hierarchy import solve_hierarchy
+from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.robots.configuration import Configuration
+from maira_qp.solvers.descent import LEAST_DAMPING
+from maira_qp.solvers.setting import Setting
+
+
+def tick(
+    cost: TaskCost, redundancy: Weighted | Strict | None, at: Configuration, setting: Setting, dt: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Configuration (n,) after a tick of dt [s] and the velocity (n,) that leads to it.
+
+    From inside the position limits the next configuration is inside them to the bit, and the velocity within the
+    velocity limits to the bit always. A backend that fails leaves the arm where it is, as far as the limits allow.
+    """
+    robot = setting.robot
+    if isinstance(redundancy, Weighted):
+        first = WeightedCost(cost, redundancy.objective, redundancy.weight).level(at)
+    else:
+        first = cost.level(at)
+    mu = setting.options.damping * 2 * cost.value(at) + LEAST_DAMPING * float(np.abs(first.H).max())
+    levels = [first.damped(mu)]
+    if isinstance(redundancy, Strict):
+        levels += [objective_level(objective, at) for objective in redundancy.objectives]
+    bounds = setting.bounds(at.q, dt)
+    dq = solve_hierarchy(levels, bounds, setting.backend)
+    dq = np.clip(np.zeros(robot.n) if dq is None else dq, bounds.lower, bounds.upper)
+    inside = (at.q >= robot.lower) & (at.q <= robot.upper)
+    q = np.where(inside, np.clip(at.q + dq, robot.lower, robot.upper), at.q + dq)
+    return q, np.clip(dq / dt, -robot.velocity_limit, robot.velocity_limit)
