@@ -1,0 +1,232 @@
+"""A robot arm: its Pinocchio model, the frame that is its tip, and its limits."""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+from collections.abc import Iterable, Mapping
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import pinocchio as pin
+
+from maira_qp.arrays import real_array
+from maira_qp.errors import ConfigurationError, FrameError, OptionError, RobotError, listed
+from maira_qp.robots import catalog
+from maira_qp.robots.configuration import Configuration
+from maira_qp.robots.dh import DHLink, DHTable
+from maira_qp.robots.urdf_reader import Chain, read_urdf
+from maira_qp.robots.urdf_writer import urdf_text
+
+
+class Scratch(threading.local):
+    """Pinocchio's working memory, one a thread, and the configuration whose forward kinematics it holds."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self.data = model.createData()
+        self.q: np.ndarray | None = None
+
+
+class Robot:
+    """A serial arm from `base` to `tip` with n independent joints; it does not change, and threads may share it.
+
+    Angles are in rad, lengths in m. `q` is a configuration (n,), in the order of `joint_names`.
+    """
+
+    model: pin.Model
+    """Pinocchio's model, nq == nv == n; a continuous joint is one angle without limits. Not to be written to."""
+    name: str
+    base: str
+    """Link that poses are relative to."""
+    tip: str
+    """Link whose pose is asked for unless another is named."""
+    n: int
+    """Number of independent joints."""
+    joint_names: tuple[str, ...]
+    frames: tuple[str, ...]
+    """Names of all links, the base first: what `frame` may be."""
+    lower: np.ndarray
+    """Lower limits (n,) [rad, or m], -inf for a continuous joint; read-only, as are the arrays that follow."""
+    upper: np.ndarray
+    """Upper limits (n,) [rad, or m], inf for a continuous joint."""
+    middle: np.ndarray
+    """Middle (n,) between the limits [rad, or m], 0 for a continuous joint."""
+    velocity_limit: np.ndarray
+    """Largest speeds (n,) [rad/s, or m/s], inf where there is no limit."""
+    effort_limit: np.ndarray
+    """Largest torques or forces (n,) [N m, or N], inf where there is no limit."""
+    urdf: str
+    """The description as normalised URDF, see `Chain`."""
+    dh: DHTable | None
+    """The DH table that the robot was made from, if it was."""
+
+    def __init__(self, chain: Chain, dh: DHTable | None = None) -> None:
+        """From a chain as `read_urdf` makes it; use `from_dh` or `from_urdf`."""
+        self._chain = chain
+        self.model = _model(chain)
+        self.name, self.base, self.tip, self.urdf = chain.name, chain.base, chain.tip, chain.urdf
+        self.joint_names, self.frames = chain.joint_names, chain.frames
+        self.n = len(chain.joint_names)
+        self.lower, self.upper = chain.lower, chain.upper
+        self.velocity_limit, self.effort_limit = chain.velocity, chain.effort
+        limited = np.isfinite(self.lower)
+        self.middle = np.where(
+            limited, 0.5 * np.where(limited, self.lower, 0) + 0.5 * np.where(limited, self.upper, 0), 0
+        )
+        self.middle.flags.writeable = False
+        self.dh = dh
+        self.has_mimic = any(joint.shortname() == "JointModelMimic" for joint in self.model.joints)
+        self.scratch = Scratch(self.model)
+        self._ids: dict[str | None, int] = {
+            frame: self.model.getFrameId(frame, pin.FrameType.BODY) for frame in self.frames
+        }
+        self._ids[None] = self._ids[self.tip]
+
+    @classmethod
+    def from_dh(cls, links: DHTable | Iterable[DHLink | Mapping[str, Any]], name: str | None = None) -> Robot:
+        """From a DH table or its links; the base is `base_link`, the tip `tool0`. Raises `RobotError`."""
+        table = links if isinstance(links, DHTable) else DHTable(links)
+        if name is not None:
+            table = DHTable(table.links, name=name)
+        return cls(read_urdf(urdf_text(table)), dh=table)
+
+    @classmethod
+    def from_urdf(cls, source: str | os.PathLike[str], tip: str | None = None, base: str | None = None) -> Robot:
+        """From a URDF file, or from URDF text; the tip None is the only leaf, the base None the root.
+
+        Joints that are not between base and tip are fixed at zero. Meshes are not opened. Raises `RobotError` for a
+        description that cannot be used, `FrameError` for a tip or base that is not a suitable link.
+        """
+        return cls(read_urdf(source, tip=tip, base=base))
+
+    @classmethod
+    def maira(cls) -> Robot:
+        """MAIRA, a 7-axis arm with spherical shoulder and wrist."""
+        return cls.from_dh(catalog.maira())
+
+    @classmethod
+    def iiwa14(cls) -> Robot:
+        """KUKA LBR iiwa 14 R820, from its DH table."""
+        return cls.from_dh(catalog.iiwa14())
+
+    def at(self, q: np.ndarray) -> Configuration:
+        """The robot at q (n,), a float64 array that is not checked: for loops that made it themselves."""
+        return Configuration(self, q)
+
+    def forward(self, q: Any, frame: str | None = None) -> pin.SE3:
+        """Pose of a frame (None: the tip) in the base at q (n,). Raises `ConfigurationError`, `FrameError`."""
+        return self.at(self._checked(q)).placement(frame)
+
+    def jacobian(self, q: Any, frame: str | None = None) -> np.ndarray:
+        """Jacobian (6, n) of a frame (None: the tip) at q (n,), base axes: linear rows [m/rad] over angular [rad/rad].
+
+        Raises `ConfigurationError`, `FrameError`.
+        """
+        return self.at(self._checked(q)).jacobian(frame).copy()
+
+    def condition_number(self, q: Any, frame: str | None = None) -> float:
+        """Largest over smallest singular value of the Jacobian at q (n,); inf where it is singular to rounding.
+
+        Raises `ConfigurationError`, `FrameError`.
+        """
+        values = np.linalg.svd(self.jacobian(q, frame), compute_uv=False)
+        rounding = max(6, self.n) * np.finfo(float).eps * values[0]
+        return float(values[0] / values[-1]) if values[-1] > rounding else np.inf
+
+    def manipulability(self, q: Any, frame: str | None = None) -> float:
+        """Product of the min(6, n) singular values of the Jacobian at q (n,): sqrt(det(J J^T)) where n >= 6.
+
+        Source: Yoshikawa, "Manipulability of robotic mechanisms", 1985. Raises `ConfigurationError`, `FrameError`.
+        """
+        return float(np.prod(np.linalg.svd(self.jacobian(q, frame), compute_uv=False)))
+
+    def random_configuration(self, rng: np.random.Generator) -> np.ndarray:
+        """A configuration (n,) uniform within the limits, a continuous joint in [-pi, pi]. Raises `OptionError`."""
+        if not isinstance(rng, np.random.Generator):
+            raise OptionError(f"rng must be a numpy.random.Generator, such as default_rng(0), got {rng!r:.80}")
+        limited = np.isfinite(self.lower)
+        lower, upper = np.where(limited, self.lower, -np.pi), np.where(limited, self.upper, np.pi)
+        share = rng.random(self.n)
+        return np.clip((1 - share) * lower + share * upper, lower, upper)
+
+    def clip(self, q: Any) -> np.ndarray:
+        """The configuration (n,) within the limits that is nearest to q (n,). Raises `ConfigurationError`."""
+        return np.clip(self._checked(q), self.lower, self.upper)
+
+    def frame_id(self, frame: str | None) -> int:
+        """Pinocchio's index of a frame (None: the tip). Raises `FrameError`."""
+        try:
+            return self._ids[frame]
+        except (KeyError, TypeError):
+            raise FrameError(f"{frame!r} is not a frame of {self.name}; {listed(self.frames, str(frame))}") from None
+
+    def _checked(self, q: Any) -> np.ndarray:
+        return real_array(q, (self.n,), "q", ConfigurationError)
+
+    def __repr__(self) -> str:
+        return f"Robot({self.name!r}, n={self.n}, base={self.base!r}, tip={self.tip!r})"
+
+    def __eq__(self, other: object) -> bool:
+        return self._chain == other._chain if isinstance(other, Robot) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._chain)
+
+    def __reduce__(self) -> tuple[type[Robot], tuple[Chain, DHTable | None]]:
+        return Robot, (self._chain, self.dh)
+
+
+def _model(chain: Chain) -> pin.Model:
+    """Pinocchio's model of a chain, without meshes. Raises `RobotError`."""
+    root = ElementTree.fromstring(chain.urdf)
+    names = [joint.attrib["name"] for joint in root.findall("joint")]
+    try:
+        model = pin.buildModelFromXML(_for_pinocchio(root), mimic=True)
+    except (ValueError, RuntimeError, IndexError) as reason:
+        raise RobotError(f"Pinocchio cannot use the description of {chain.name!r}: {reason}") from None
+    for index in range(1, model.njoints):
+        model.names[index] = names[int(model.names[index])]
+    for frame in model.frames:
+        if frame.type in (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT) and frame.name != "universe":
+            frame.name = names[int(frame.name)]
+    model.lowerPositionLimit, model.upperPositionLimit = chain.lower, chain.upper
+    model.velocityLimit, model.effortLimit = chain.velocity, chain.effort
+    return model
+
+
+def _for_pinocchio(root: Element) -> str:
+    """The normalised URDF as Pinocchio needs it.
+
+    Pinocchio makes a continuous joint a pair (cos, sin), so it becomes revolute here. It visits the joints under a link
+    in the order of their names, so they are named by their order. Shapes are left out, and so are masses that it could
+    not read.
+    """
+    for link in root.findall("link"):
+        for part in list(link):
+            if part.tag != "inertial" or not _is_readable(part):
+                link.remove(part)
+    ranks = {joint.attrib["name"]: f"{rank:06d}" for rank, joint in enumerate(root.findall("joint"))}
+    for joint in root.findall("joint"):
+        joint.set("name", ranks[joint.attrib["name"]])
+        for mimic in joint.findall("mimic"):
+            mimic.set("joint", ranks[mimic.attrib["joint"]])
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            for limit in joint.findall("limit"):
+                limit.attrib |= {"lower": "-1", "upper": "1"}  # any: the true ones are set on the model
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _is_readable(inertial: Element) -> bool:
+    """Whether a mass and an inertia tensor are there, and all of their numbers are finite."""
+    mass, inertia = inertial.find("mass"), inertial.find("inertia")
+    if mass is None or inertia is None or not {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"} <= set(inertia.attrib):
+        return False
+    try:
+        words = [word for part in inertial for text in part.attrib.values() for word in text.split()]
+        return "value" in mass.attrib and all(math.isfinite(float(word)) for word in words)
+    except ValueError:
+        return False

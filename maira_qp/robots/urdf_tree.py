@@ -1,0 +1,95 @@
+"""The links of a URDF and the joints between them, checked to be one tree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from maira_qp.errors import FrameError, RobotError, listed
+
+MAX_DEPTH = 500
+"""Longest chain of links that is accepted: Pinocchio recurses along it, and 5,000 links crash it."""
+MAX_LINKS = 10_000
+"""Most links that are accepted: Pinocchio compares the name of each with all before it."""
+
+
+class Edge(NamedTuple):
+    """A joint as an edge from link to link."""
+
+    joint: str
+    parent: str
+    child: str
+
+
+class LinkTree:
+    """The tree of links; raises `RobotError` if links and joints are not one."""
+
+    def __init__(self, links: Iterable[str], edges: Iterable[Edge]) -> None:
+        self.links = list(links)
+        if len(self.links) > MAX_LINKS:
+            raise RobotError(f"the robot has {len(self.links)} links, more than the {MAX_LINKS} that are accepted")
+        self.above: dict[str, Edge] = {}
+        self.beneath: dict[str, list[Edge]] = {link: [] for link in self.links}
+        for edge in edges:
+            self._add(edge)
+        roots = [link for link in self.links if link not in self.above]
+        if len(roots) > 1:
+            raise RobotError(f"the links are not one tree, {len(roots)} have no parent: {', '.join(roots[:10])}")
+        reached = {edge.child for edge in self.below(roots[0])} | set(roots) if roots else set()
+        stray = [link for link in self.links if link not in reached]
+        if stray:
+            raise RobotError(f"the joints form a cycle through {', '.join(stray[:10])}")
+        self.root = roots[0]
+
+    def _add(self, edge: Edge) -> None:
+        for link in edge[1:]:
+            if link not in self.beneath:
+                missing = f"names a link {link!r} that does not exist"
+                raise RobotError(f"joint {edge.joint!r} {missing}; {listed(self.links, link)}")
+        other = self.above.get(edge.child)
+        if other is not None:
+            raise RobotError(f"link {edge.child!r} has two parents, by the joints {other.joint!r} and {edge.joint!r}")
+        self.above[edge.child] = edge
+        self.beneath[edge.parent].append(edge)
+
+    def below(self, base: str, first: Iterable[str] = ()) -> Iterator[Edge]:
+        """All edges under a link, depth first, parents before children; at a fork the joints in `first` come first.
+
+        Raises `RobotError` if a chain is longer than `MAX_DEPTH`.
+        """
+        order = {joint: rank for rank, joint in enumerate(first)}
+        stack = [(base, 0)]
+        while stack:
+            link, depth = stack.pop()
+            if depth > MAX_DEPTH:
+                raise RobotError(f"a chain is longer than {MAX_DEPTH} links, more than Pinocchio survives")
+            if link != base:
+                yield self.above[link]
+            forks = sorted(self.beneath[link], key=lambda edge: order.get(edge.joint, len(order)))
+            stack += [(edge.child, depth + 1) for edge in reversed(forks)]
+
+    def known(self, link: str, role: str) -> str:
+        """The name itself if it is a link's. Raises `FrameError` that names the role, `tip` or `base`."""
+        if not isinstance(link, str) or link not in self.beneath:
+            raise FrameError(f"the {role} {link!r} is not a link of this robot; {listed(self.links, str(link))}")
+        return link
+
+    def only_leaf(self, base: str) -> str:
+        """The only link under the base that carries nothing. Raises `FrameError` if there are several."""
+        leaves = [link for link in [base, *(edge.child for edge in self.below(base))] if not self.beneath[link]]
+        if len(leaves) > 1:
+            raise FrameError(f"there are {len(leaves)} tips, choose one (tip=...); {listed(leaves)}")
+        return leaves[0]
+
+    def path(self, base: str, tip: str) -> list[Edge]:
+        """The edges from the base to the tip. Raises `FrameError` if the tip does not hang on the base."""
+        path: list[Edge] = []
+        link = tip
+        while link != base:
+            edge = self.above.get(link)
+            if edge is None:
+                bases = [edge.parent for edge in reversed(path)]
+                raise FrameError(f"the base {base!r} does not carry the tip {tip!r}; {listed(bases, base)}")
+            path.append(edge)
+            link = edge.parent
+        return path[::-1]
