@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,12 @@ if TYPE_CHECKING:
     from maira_qp.robots.robot import Robot
 
 _AXES = pin.LOCAL_WORLD_ALIGNED
+
+
+@cache
+def _before(n: int) -> np.ndarray:
+    """Where (n, n) joint i is joint j or comes before it."""
+    return np.triu(np.ones((n, n), dtype=bool))
 
 
 class Configuration:
@@ -26,7 +33,7 @@ class Configuration:
         """`q` (n,) [rad, or m] is copied and not checked: this runs in every iteration of a solver."""
         self.robot = robot
         self.q = np.array(q, dtype=np.float64)
-        self.q.flags.writeable = False
+        self.q.setflags(write=False)
         self._placements: dict[int, pin.SE3] = {}
         self._jacobians: dict[int, np.ndarray] = {}
 
@@ -35,7 +42,7 @@ class Configuration:
         index = self.robot.frame_id(frame)
         placement = self._placements.get(index)
         if placement is None:
-            robot, scratch = self.robot, self.robot.scratch
+            robot, scratch = self.robot, self.robot.per_thread.scratch
             if scratch.q is not self.q:
                 scratch.q = None  # nobody's, until it is done
                 pin.forwardKinematics(robot.model, scratch.data, self.q)
@@ -49,8 +56,10 @@ class Configuration:
         J = self._jacobians.get(index)
         if J is None:
             robot = self.robot
-            J = pin.computeFrameJacobian(robot.model, robot.scratch.data, self.q, index, _AXES).reshape(6, robot.n)
-            J.flags.writeable = False
+            J = pin.computeFrameJacobian(robot.model, robot.per_thread.scratch.data, self.q, index, _AXES)
+            if J.ndim == 1:  # of a robot with one joint
+                J = J.reshape(6, 1)
+            J.setflags(write=False)
             self._jacobians[index] = J
         return J
 
@@ -58,24 +67,33 @@ class Configuration:
         """Second derivative (n, n), symmetric, of the pose of a frame (None: the tip), weighted by `weights` (6,).
 
         `sum_k weights[k] d2 pose_k / dq2` with pose = [p; phi], phi the rotation vector of R(q + dq) R(q)^T at dq = 0 in
-        base axes. With the columns [v_i; w_i] of the Jacobian, and joint i before joint j on the chain, its entry is
-        `w_p . (w_i x v_j) + 1/2 w_phi . (w_i x w_j)`: what is behind joint i turns with it (Bruyninckx and De Schutter,
-        "Symbolic differentiation of the velocity mapping", 1996). Raises `FrameError`.
+        base axes: the symmetric part of the Jacobian's derivative. Raises `FrameError`.
         """
-        if self.robot.has_mimic:
-            return self._hessian_by_differences(frame, weights)
-        J = self.jacobian(frame)
-        v, w = J[:3], J[3:]
-        (a, b, c), (d, e, f) = weights[:3].tolist(), (0.5 * weights[3:]).tolist()
-        by_position = np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
-        by_rotation = np.array([[0.0, -f, e], [f, 0.0, -d], [-e, d, 0.0]])
-        C = np.triu((by_position @ w).T @ v + (by_rotation @ w).T @ w)
-        return C + np.triu(C, 1).T
+        C = np.einsum("k,ikj->ij", weights, self.jacobian_derivative(frame))
+        return 0.5 * (C + C.T)
 
-    def _hessian_by_differences(self, frame: str | None, weights: np.ndarray, step: float = 1e-5) -> np.ndarray:
-        """The same where joints are coupled and the order of columns says nothing; error about 1e-10."""
-        C = np.empty((self.robot.n, self.robot.n))
-        for i, dq in enumerate(step * np.eye(self.robot.n)):
-            ahead, back = (self.robot.at(self.q + sign * dq).jacobian(frame) for sign in (1, -1))
-            C[i] = weights @ (ahead - back) / (2 * step)
-        return (C + C.T) / 2
+    def jacobian_derivative(self, frame: str | None = None) -> np.ndarray:
+        """Derivative (n, 6, n) of a frame's Jacobian (None: the tip): entry [i] is dJ/dq_i, base axes.
+
+        With the columns [v_j; w_j]: joint i turns what is behind it, `dJ_j/dq_i = [w_i x v_j; w_i x w_j]` where i comes
+        before j on the chain, and moves the tip for what is before it, `[w_j x v_i; 0]` (Bruyninckx and De Schutter,
+        "Symbolic differentiation of the velocity mapping", 1996). By central differences where mimic joints couple the
+        columns. Raises `FrameError`.
+        """
+        n = self.robot.n
+        if self.robot.has_mimic:
+            step = 1e-5
+            nudges = step * np.eye(n)
+            differences = [
+                self.robot.at(self.q + dq).jacobian(frame) - self.robot.at(self.q - dq).jacobian(frame) for dq in nudges
+            ]
+            return np.array(differences) / (2 * step)
+        J = self.jacobian(frame)
+        v, w = J[:3].T, J[3:].T
+        linear = np.cross(w[:, None], v[None])  # [i, j] = w_i x v_j
+        angular = np.cross(w[:, None], w[None])
+        before = np.arange(n)[:, None] < np.arange(n)
+        derivative = np.empty((n, 6, n))
+        derivative[:, :3] = np.where(before[:, :, None], linear, linear.swapaxes(0, 1)).swapaxes(1, 2)
+        derivative[:, 3:] = np.where(before[:, :, None], angular, 0.0).swapaxes(1, 2)
+        return derivative

@@ -22,12 +22,21 @@ from maira_qp.robots.urdf_reader import Chain, read_urdf
 from maira_qp.robots.urdf_writer import urdf_text
 
 
-class Scratch(threading.local):
-    """Pinocchio's working memory, one a thread, and the configuration whose forward kinematics it holds."""
+class Scratch:
+    """Pinocchio's working memory, and the configuration whose forward kinematics it holds."""
+
+    __slots__ = ("data", "q")
 
     def __init__(self, model: pin.Model) -> None:
         self.data = model.createData()
         self.q: np.ndarray | None = None
+
+
+class PerThread(threading.local):
+    """A `Scratch` for each thread that asks."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self.scratch = Scratch(model)
 
 
 class Robot:
@@ -48,6 +57,8 @@ class Robot:
     joint_names: tuple[str, ...]
     frames: tuple[str, ...]
     """Names of all links, the base first: what `frame` may be."""
+    moved_links: tuple[str, ...]
+    """The link directly behind each moving joint, from the base to the tip."""
     lower: np.ndarray
     """Lower limits (n,) [rad, or m], -inf for a continuous joint; read-only, as are the arrays that follow."""
     upper: np.ndarray
@@ -72,18 +83,21 @@ class Robot:
         self.n = len(chain.joint_names)
         self.lower, self.upper = chain.lower, chain.upper
         self.velocity_limit, self.effort_limit = chain.velocity, chain.effort
-        limited = np.isfinite(self.lower)
-        self.middle = np.where(
-            limited, 0.5 * np.where(limited, self.lower, 0) + 0.5 * np.where(limited, self.upper, 0), 0
-        )
-        self.middle.flags.writeable = False
+        turns = np.isinf(self.lower)  # a continuous joint: one turn is all of it
+        self._range = np.where(turns, -np.pi, self.lower), np.where(turns, np.pi, self.upper)
+        self.middle = 0.5 * self._range[0] + 0.5 * self._range[1]
+        self.middle.setflags(write=False)
         self.dh = dh
         self.has_mimic = any(joint.shortname() == "JointModelMimic" for joint in self.model.joints)
-        self.scratch = Scratch(self.model)
+        self.per_thread = PerThread(self.model)
         self._ids: dict[str | None, int] = {
             frame: self.model.getFrameId(frame, pin.FrameType.BODY) for frame in self.frames
         }
         self._ids[None] = self._ids[self.tip]
+        bodies = [f for f in self.model.frames if f.type == pin.FrameType.BODY]
+        self.moved_links = tuple(
+            next(f.name for f in bodies if f.parentJoint == joint) for joint in range(1, self.model.njoints)
+        )
 
     @classmethod
     def from_dh(cls, links: DHTable | Iterable[DHLink | Mapping[str, Any]], name: str | None = None) -> Robot:
@@ -147,8 +161,7 @@ class Robot:
         """A configuration (n,) uniform within the limits, a continuous joint in [-pi, pi]. Raises `OptionError`."""
         if not isinstance(rng, np.random.Generator):
             raise OptionError(f"rng must be a numpy.random.Generator, such as default_rng(0), got {rng!r:.80}")
-        limited = np.isfinite(self.lower)
-        lower, upper = np.where(limited, self.lower, -np.pi), np.where(limited, self.upper, np.pi)
+        lower, upper = self._range
         share = rng.random(self.n)
         return np.clip((1 - share) * lower + share * upper, lower, upper)
 
