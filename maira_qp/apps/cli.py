@@ -1,0 +1,71 @@
+"""The command line: `maira-qp` and `python -m maira_qp`."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import tyro
+
+import maira_qp
+from maira_qp.apps.commands.bench import Bench
+from maira_qp.apps.commands.compare import Compare
+from maira_qp.apps.commands.fk import Fk
+from maira_qp.apps.commands.solve import Solve
+from maira_qp.apps.commands.urdf import Urdf
+from maira_qp.errors import MairaError
+
+MISUSE = 2
+INTERRUPTED = 130
+PIPE_CLOSED = 141
+
+DESCRIPTION = """Constrained inverse kinematics by quadratic programming.
+
+Lengths are in m, angles in rad (solve and fk: in deg with --deg), times in s; quaternions are W X Y Z.
+
+Exit codes: 0 done, and for solve: solved; 1 not solved, the nearest found is printed; 2 misuse, told on stderr;
+130 interrupted; 141 the reader of the output went away.
+
+maira-qp --version prints the version."""
+
+Command = (
+    Annotated[Solve, tyro.conf.subcommand("solve")]
+    | Annotated[Fk, tyro.conf.subcommand("fk")]
+    | Annotated[Urdf, tyro.conf.subcommand("urdf")]
+    | Annotated[Compare, tyro.conf.subcommand("compare")]
+    | Annotated[Bench, tyro.conf.subcommand("bench")]
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs a command and returns its exit code; `arguments` None: those of the process."""
+    arguments = sys.argv[1:] if arguments is None else list(arguments)
+    try:
+        code = _run(arguments)
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:
+        # what is still buffered has no reader; without this the interpreter would complain as it ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return PIPE_CLOSED
+    except KeyboardInterrupt:
+        print("maira-qp: interrupted", file=sys.stderr)  # noqa: T201
+        return INTERRUPTED
+
+
+def _run(arguments: list[str]) -> int:
+    if arguments == ["--version"]:
+        sys.stdout.write(f"maira-qp {maira_qp.__version__}\n")
+        return 0
+    try:
+        command = tyro.cli(Command, args=arguments, prog="maira-qp", description=DESCRIPTION)  # type: ignore[arg-type]
+        return command.run()
+    except BrokenPipeError:
+        raise
+    except (MairaError, OSError) as reason:
+        print(f"maira-qp: error: {reason}", file=sys.stderr)  # noqa: T201
+        return MISUSE
+    except SystemExit as end:  # tyro has printed help (0) or what is wrong (2)
+        return end.code if isinstance(end.code, int) else MISUSE

@@ -1,0 +1,64 @@
+"""`maira-qp bench`: success rate, time and exactness of methods on strata of targets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from maira_qp.apps.benchmark.settings import Settings
+from maira_qp.apps.commands.flags import RobotFlags, SolverFlags
+from maira_qp.apps.commands.robot_choice import RobotChoice
+from maira_qp.solvers.options import Options
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """Ask methods about targets, judge the answers by an independent FK, and report.
+
+    A run that was stopped goes on where it stood when it is started again with the same flags."""
+
+    choice: RobotFlags = field(default_factory=RobotChoice)
+    settings: Annotated[Settings, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="benchmark")] = field(
+        default_factory=Settings
+    )
+    options: SolverFlags = field(default_factory=Options)
+    output: Path = Path("output/bench")
+    """Folder for rows.jsonl (a row an answer), rows.csv, summary.csv and success.png."""
+    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    """One JSON value on stdout in place of the tables."""
+
+    def run(self) -> int:
+        """Runs, or goes on with, the benchmark and reports; 0."""
+        from maira_qp.apps.benchmark.records import write_csv
+        from maira_qp.apps.benchmark.report import flat, picture, tables
+        from maira_qp.apps.benchmark.runner import plan, run
+        from maira_qp.apps.benchmark.statistics import summarise
+        from maira_qp.apps.commands.output import console, print_json, progress_bar
+
+        made = plan(self.choice.load(), self.settings, self.options)
+        with progress_bar("solving") as progress:
+            rows = run(made, self.output / "rows.jsonl", lambda done: progress(done, made.rows))
+        summaries = summarise(rows)
+        write_csv(self.output / "rows.csv", rows)
+        write_csv(self.output / "summary.csv", [flat(summary) for summary in summaries])
+        picture(summaries, self.output / "success.png")
+        if self.json:
+            print_json(
+                {
+                    "robot": made.robot.name,
+                    "summaries": [flat(summary) for summary in summaries],
+                    "notes": made.notes,
+                    "output": str(self.output),
+                }
+            )
+        else:
+            out = console()
+            for table in tables(summaries):
+                out.print(table)
+            for note in made.notes:
+                out.print(note)
+            out.print(f"rows, summary and picture: {self.output}")
+        return 0

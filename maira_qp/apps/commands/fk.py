@@ -1,0 +1,75 @@
+"""`maira-qp fk`: where the tool is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import tyro
+
+from maira_qp.apps.commands.flags import JointValues, RobotFlags
+from maira_qp.apps.commands.robot_choice import RobotChoice
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fk:
+    """Forward kinematics: the tool's pose in the base [m], at joint values [rad, or m for a sliding joint]."""
+
+    q: tyro.conf.Positional[JointValues] = None
+    """Joint values [rad, or deg with --deg; m for a sliding joint]; none: zero."""
+    choice: RobotFlags = field(default_factory=RobotChoice)
+    deg: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Angles in and out in degrees."""
+    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    """One JSON value on stdout."""
+
+    def run(self) -> int:
+        """Prints the pose; always 0."""
+        from maira_qp.apps.commands.output import Angles, print_json
+        from maira_qp.orientation import quaternion_from_matrix
+        from maira_qp.robots.rpy import rpy_from_matrix
+
+        robot = self.choice.load()
+        angles = Angles(robot, self.deg)
+        q = angles.read(np.zeros(robot.n) if not self.q else self.q)
+        T = robot.forward(q).homogeneous
+        found = {
+            "robot": robot.name,
+            "base": robot.base,
+            "tip": robot.tip,
+            "q": angles.write(q),
+            "q_units": angles.units,
+            "inside_limits": bool(((robot.lower <= q) & (q <= robot.upper)).all()),
+            "position": T[:3, 3],
+            "quaternion": quaternion_from_matrix(T[:3, :3]),
+            "rpy": rpy_from_matrix(T[:3, :3]) * angles.one,
+            "rpy_unit": angles.unit,
+            "matrix": T,
+            "condition_number": robot.condition_number(q),
+            "manipulability": robot.manipulability(q),
+        }
+        if self.json:
+            print_json(found)
+        else:
+            _show(found, robot.joint_names)
+        return 0
+
+
+def _show(found: dict[str, Any], joint_names: tuple[str, ...]) -> None:
+    """The pose as a table on stdout."""
+    from rich.table import Table
+
+    from maira_qp.apps.commands.output import console, joint_table, numbers
+
+    table = Table(title=f"{found['robot']}: {found['tip']} in {found['base']}", show_header=False)
+    table.add_row("position x y z [m]", numbers(found["position"]))
+    table.add_row("quaternion w x y z", numbers(found["quaternion"]))
+    table.add_row(f"roll pitch yaw [{found['rpy_unit']}]", numbers(found["rpy"]))
+    table.add_row("matrix", "\n".join(numbers(row) for row in found["matrix"]))
+    table.add_row("condition number", f"{found['condition_number']:.4g}")
+    table.add_row("manipulability", f"{found['manipulability']:.4g}")
+    table.add_row("inside the joint limits", "yes" if found["inside_limits"] else "no")
+    out = console()
+    out.print(joint_table(joint_names, found["q"], found["q_units"]))
+    out.print(table)

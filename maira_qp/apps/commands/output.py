@@ -1,0 +1,105 @@
+"""How a command says what it found: JSON for machines, tables for people, angles in the unit that was asked for."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from maira_qp.apps.benchmark.records import jsonable
+from maira_qp.arrays import real_array
+from maira_qp.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from maira_qp.robots.robot import Robot
+
+WIDTH_OF_FILES = 150
+"""Columns of a table that goes into a file or a pipe, where no terminal tells."""
+
+
+def console(*, stderr: bool = False) -> Console:
+    """A console on stdout or stderr, as wide as the terminal; wide where there is none."""
+    stream = sys.stderr if stderr else sys.stdout
+    return Console(file=stream, width=None if stream.isatty() else WIDTH_OF_FILES, markup=False, highlight=False)
+
+
+def print_json(value: Any) -> None:
+    """One JSON value on stdout; numbers that are not finite are null."""
+    sys.stdout.write(json.dumps(jsonable(value), allow_nan=False, indent=2) + "\n")
+
+
+class Angles:
+    """Joint values in and out: radians, or degrees where asked for; sliding joints are in metres either way."""
+
+    def __init__(self, robot: Robot, degrees: bool) -> None:
+        """For the joints of one robot."""
+        joints = ElementTree.fromstring(robot.urdf).findall("joint")
+        sliding = {joint.get("name") for joint in joints if joint.get("type") == "prismatic"}
+        turning = np.array([name not in sliding for name in robot.joint_names])
+        self.unit = "deg" if degrees else "rad"
+        self.one = 180.0 / math.pi if degrees else 1.0
+        """One radian in the unit."""
+        self.units = [self.unit if turns else "m" for turns in turning]
+        self._scale = np.where(turning, self.one, 1.0)
+
+    def read(self, values: Any) -> np.ndarray:
+        """Joint values (n,) as given, in rad and m. Raises `ConfigurationError` if they are not n finite numbers."""
+        return real_array(values, self._scale.shape, "the joint values", ConfigurationError) / self._scale
+
+    def write(self, q: np.ndarray) -> np.ndarray:
+        """Joint values (n,) in rad and m, in the units asked for."""
+        return q * self._scale
+
+
+def numbers(values: Any) -> str:
+    """Numbers in columns, six decimals."""
+    return " ".join(f"{value:11.6f}" for value in values)
+
+
+def joint_table(names: Sequence[str], q: np.ndarray, units: Sequence[str], limits: Sequence[str] = ()) -> Table:
+    """Joint values, a row each; `limits` says for each joint which of its limits it stands on, if any."""
+    table = Table()
+    table.add_column("joint")
+    table.add_column("value", justify="right")
+    if any(limits):
+        table.add_column("limit")
+    for i, name in enumerate(names):
+        table.add_row(name, f"{q[i]:.9g} {units[i]}", *([limits[i]] if any(limits) else []))
+    return table
+
+
+@contextlib.contextmanager
+def progress_bar(label: str) -> Iterator[Callable[[int, int], None]]:
+    """A bar on stderr with count, rate and time left; call what it gives with what is done and what there is in all.
+
+    The rate counts what is done from now on, not what an earlier run had done. Nothing is drawn where stderr is no
+    terminal.
+    """
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
+        task = bar.add_task(label, total=None, rate="")
+        begin, before = time.monotonic(), None
+
+        def show(done: int, total: int) -> None:
+            nonlocal before
+            before = done if before is None else before
+            rate = (done - before) / max(time.monotonic() - begin, 1e-9)
+            bar.update(task, completed=done, total=total, rate=f"{rate:.0f} a second")
+
+        yield show

@@ -1,0 +1,164 @@
+"""`maira-qp solve`: joint values that put the tool at a pose."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import tyro
+
+from maira_qp.apps.commands.flags import JointValues, Position, Quaternion, RobotFlags, Rpy, SolverFlags
+from maira_qp.apps.commands.robot_choice import RobotChoice
+from maira_qp.errors import OptionError, PoseError
+from maira_qp.solvers.options import Options
+
+if TYPE_CHECKING:
+    from maira_qp.apps.commands.output import Angles
+    from maira_qp.problem.redundancy import Strict, Weighted
+    from maira_qp.robots.robot import Robot
+    from maira_qp.solvers.solution import Solution
+
+DEFAULT_WEIGHT = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solve:
+    """Joint values that put the tool at a pose, inside the joint limits. Exit code 0: solved; 1: not; 2: misuse."""
+
+    choice: RobotFlags = field(default_factory=RobotChoice)
+    position: Position = None
+    """Wanted position of the tool in the base [m]; must be given unless --matrix holds it."""
+    quaternion: Quaternion = None
+    """Wanted orientation as a unit quaternion, scalar first; without any orientation: that of the base."""
+    rpy: Rpy = None
+    """Wanted orientation as roll, pitch, yaw about fixed axes [rad, or deg with --deg]."""
+    matrix: Path | None = None
+    """File with the wanted pose as 4x4 numbers (or 3x3, the orientation alone): text, .json or .npy."""
+    project: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Take the nearest rotation to a rounded matrix or quaternion, on purpose."""
+    q0: JointValues = None
+    """Joint values to start from [rad, or deg with --deg; m for a sliding joint]; none: random."""
+    redundancy: Literal["none", "weighted", "strict"] = "none"
+    """Joints near mid-range: no wish (none), traded for the pose at --weight, or as far as the pose allows (strict)."""
+    weight: float | None = None
+    """What the posture counts with --redundancy weighted beside the squared pose error; > 0; none: 1e-3."""
+    backend: str = "daqp"
+    """Who solves the QPs: daqp, proxqp, osqp, ... (an unknown name lists what is installed)."""
+    seed: int = 0
+    """Seed of the random starts; >= 0."""
+    options: SolverFlags = field(default_factory=Options)
+    deg: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Joint values and --rpy in and out in degrees; tolerances stay in rad."""
+    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    """One JSON value on stdout."""
+
+    def run(self) -> int:
+        """Prints the solution; 0 if it is at the pose, else 1."""
+        from maira_qp.apps.commands.output import Angles, print_json
+        from maira_qp.solvers.solver import Solver
+
+        rng = np.random.default_rng(checked_seed(self.seed))
+        redundancy = self._redundancy()
+        robot = self.choice.load()
+        angles = Angles(robot, self.deg)
+        target = self._target(angles)
+        q0 = None if self.q0 is None else angles.read(self.q0)
+        solver = Solver(robot, redundancy=redundancy, backend=self.backend, options=self.options)
+        solution = solver.solve(target, q0=q0, rng=rng)
+        if self.json:
+            print_json(_as_json(robot, angles, solution))
+        else:
+            _show(robot, angles, solution)
+        return 0 if solution.success else 1
+
+    def _redundancy(self) -> Weighted | Strict | None:
+        from maira_qp.problem.objectives import Posture
+        from maira_qp.problem.redundancy import Strict, Weighted
+
+        if self.weight is not None and self.redundancy != "weighted":
+            raise OptionError("--weight only counts with --redundancy weighted")
+        if self.redundancy == "weighted":
+            return Weighted(Posture(), DEFAULT_WEIGHT if self.weight is None else self.weight)
+        return Strict(Posture()) if self.redundancy == "strict" else None
+
+    def _target(self, angles: Angles) -> Any:
+        """The wanted pose. Raises `PoseError` if it is not given, or given twice; `OSError`."""
+        from maira_qp.problem.pose import pose
+
+        matrix = None if self.matrix is None else read_matrix(self.matrix)
+        whole = matrix is not None and matrix.shape == (4, 4)
+        if self.position is None and not whole:
+            raise PoseError("where to? give --position X Y Z, or --matrix FILE with a 4x4 pose")
+        if self.position is not None and whole:
+            raise PoseError("--position and a 4x4 --matrix both give a position; leave one out")
+        return pose(
+            (0.0, 0.0, 0.0) if self.position is None else self.position,
+            quaternion=self.quaternion,
+            rpy=None if self.rpy is None else np.array(self.rpy) / angles.one,
+            matrix=matrix,
+            project=self.project,
+        )
+
+
+def checked_seed(value: int) -> int:
+    """The seed, checked. Raises `OptionError`."""
+    if value < 0:
+        raise OptionError(f"--seed must be 0 or more, got {value}")
+    return value
+
+
+def read_matrix(path: Path) -> np.ndarray:
+    """Numbers from a file: .npy, .json, or text with blanks or commas between. Raises `PoseError`, `OSError`."""
+    try:
+        if path.suffix.lower() == ".npy":
+            return np.load(path, allow_pickle=False)
+        text = path.read_text(encoding="utf-8")
+        if path.suffix.lower() == ".json":
+            import json
+
+            return np.array(json.loads(text), dtype=float)
+        rows = [line.replace(",", " ").split() for line in text.splitlines()]
+        return np.array([[float(word) for word in row] for row in rows if row])
+    except (ValueError, TypeError, EOFError) as reason:
+        raise PoseError(f"{path} does not hold a matrix of numbers: {reason}") from None
+
+
+def _as_json(robot: Robot, angles: Angles, s: Solution) -> dict[str, Any]:
+    fields = asdict(s)
+    return {
+        "robot": robot.name,
+        "tip": robot.tip,
+        "joint_names": robot.joint_names,
+        **fields,
+        "q": angles.write(s.q),
+        "q_units": angles.units,
+        "status": s.status.name,
+    }
+
+
+def _show(robot: Robot, angles: Angles, s: Solution) -> None:
+    """The solution as tables on stdout."""
+    from rich.table import Table
+
+    from maira_qp.apps.commands.output import console, joint_table
+
+    out = console()
+    out.print(f"{s.status.name}: {s.status.meaning}", style="bold green" if s.success else "bold yellow")
+    if s.start_projected:
+        out.print("the start --q0 was outside the joint limits and was moved onto them")
+    remarks = [
+        " ".join(limit.removeprefix(name) for limit in s.active_limits if limit.rsplit(" ", 1)[0] == name).strip()
+        for name in robot.joint_names
+    ]
+    out.print(joint_table(robot.joint_names, angles.write(s.q), angles.units, remarks))
+    table = Table(show_header=False)
+    table.add_row("position error [m]", f"{s.position_error:.3g}")
+    table.add_row("orientation error [rad]", f"{s.orientation_error:.3g}")
+    table.add_row("condition number", f"{s.condition_number:.4g}")
+    table.add_row("iterations, restarts", f"{s.iterations}, {s.restarts}")
+    if np.isfinite(s.cost):
+        table.add_row("posture cost 1/2 |q - middle|^2", f"{s.cost:.6g}")
+    table.add_row("QPs solved by", s.backend)
+    out.print(table)

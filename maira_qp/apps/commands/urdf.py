@@ -1,0 +1,32 @@
+"""`maira-qp urdf`: a robot as URDF."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from maira_qp.apps.commands.flags import RobotFlags
+from maira_qp.apps.commands.robot_choice import RobotChoice
+
+
+@dataclass(frozen=True, kw_only=True)
+class Urdf:
+    """Write a robot as URDF: that of its DH table, or a URDF file made plain (one chain, the other joints fixed)."""
+
+    choice: RobotFlags = field(default_factory=RobotChoice)
+    output: Path | None = None
+    """File to write; none: stdout."""
+
+    def run(self) -> int:
+        """Writes the URDF; always 0."""
+        from maira_qp.apps.benchmark.records import replace_text
+        from maira_qp.robots.urdf_writer import urdf_text
+
+        robot = self.choice.load()
+        text = robot.urdf if robot.dh is None else urdf_text(robot.dh)
+        if self.output is None:
+            sys.stdout.write(text)
+        else:
+            replace_text(self.output, text)
+        return 0

@@ -1,0 +1,109 @@
+"""The two redundancy methods against the plain reference: the same random reachable poses, the same starts, one table.
+
+Weighted trades the pose for the posture: at its optimum the pose is off by about the weight. Strict gives up nothing of
+the pose and takes what posture is left. The reference (clamped, damped least squares with a pull to mid-range) has no
+notion of the limits other than to clip. Each answer is judged by a forward kinematics that no method uses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from maira_qp.apps.benchmark.methods import qp_method
+from maira_qp.apps.benchmark.report import percent, short
+from maira_qp.apps.benchmark.runner import Plan, measure, plan
+from maira_qp.apps.benchmark.settings import Settings
+from maira_qp.apps.benchmark.statistics import Summary, summarise
+from maira_qp.robots.robot import Robot
+from maira_qp.solvers.options import Options
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What came out: a row for each method and target, a summary for each method."""
+
+    plan: Plan
+    rows: list[dict[str, Any]]
+    summaries: list[Summary]
+
+
+def compare(
+    robot: Robot,
+    *,
+    targets: int = 300,
+    seed: int = 0,
+    weights: Sequence[float] = (1e-3, 1e-6),
+    backend: str = "daqp",
+    options: Options | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Comparison:
+    """Solve random reachable poses with the reference, with Weighted at each of the weights, and with Strict.
+
+    `progress` is told the rows done and the rows in all. Raises `OptionError`, `BackendError`.
+    """
+    options = options or Options()
+    settings = Settings(
+        methods=("dh-clamped", "strict"), backends=(backend,), strata=("uniform",), targets=targets, seed=seed
+    )
+    made = plan(robot, settings, options)
+    weighted = [qp_method(robot, "weighted", backend, w, options, label=f"weighted {w:g}") for w in weights]
+    made = replace(made, methods=[*made.methods[:-1], *weighted, made.methods[-1]])
+    rows = []
+    for row in measure(made):
+        rows.append(row)
+        if progress is not None:
+            progress(len(rows), made.rows)
+    return Comparison(made, rows, summarise(rows))
+
+
+def table(comparison: Comparison) -> Table:
+    """The comparison as a table that a person can read."""
+    settings, options, robot = comparison.plan.settings, comparison.plan.options, comparison.plan.robot
+    made = Table(
+        title=f"{robot.name}: {settings.targets} random reachable poses, from the same random starts",
+        title_justify="left",
+        title_style="bold",
+        caption=(
+            f"inside the limits, and solved: within {options.position_tolerance:g} m, {options.orientation_tolerance:g} rad;"
+            f" loosely: within {settings.loose_position:g} m, {settings.loose_orientation:g} rad"
+            "\nposture cost: 1/2 |q - middle|^2, mean over the loosely solved"
+        ),
+        caption_justify="left",
+    )
+    made.add_column("method")
+    for heading in (
+        "solved",
+        "loosely",
+        "position error [m]\nmedian / max",
+        "orientation error [rad]\nmedian / max",
+        "posture\ncost",
+        "out of\nlimits",
+        "iterations\nmean",
+        "condition number\nmedian",
+        "time [ms]\nmedian",
+    ):
+        made.add_column(heading, justify="right")
+    for s in comparison.summaries:
+        made.add_row(
+            s.method,
+            percent(s.rate),
+            percent(s.loose / s.count),
+            f"{short(s.position_error[0])} / {short(s.position_error[1])}",
+            f"{short(s.orientation_error[0])} / {short(s.orientation_error[1])}",
+            "-" if s.posture_cost is None else f"{s.posture_cost:.2f}",
+            str(s.violations),
+            f"{s.iterations[1]:.1f}",
+            f"{s.condition_number:.1f}",
+            f"{1e3 * s.time[0]:.2f}",
+        )
+    return made
+
+
+def picture(comparison: Comparison, path: str | Path) -> None:
+    """The comparison as a picture: success rates with their intervals, and pose error against posture cost."""
+    raise NotImplementedError
