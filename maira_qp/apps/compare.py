@@ -69,8 +69,8 @@ def table(comparison: Comparison) -> Table:
         title_justify="left",
         title_style="bold",
         caption=(
-            f"inside the limits, and solved: within {options.position_tolerance:g} m, {options.orientation_tolerance:g} rad;"
-            f" loosely: within {settings.loose_position:g} m, {settings.loose_orientation:g} rad"
+            f"solved: within {options.position_tolerance:g} m, {options.orientation_tolerance:g} rad, inside the limits"
+            f"\nloosely: within {settings.loose_position:g} m, {settings.loose_orientation:g} rad, inside the limits"
             "\nposture cost: 1/2 |q - middle|^2, mean over the loosely solved"
         ),
         caption_justify="left",
