@@ -83,6 +83,8 @@ class Robot:
         self.n = len(chain.joint_names)
         self.lower, self.upper = chain.lower, chain.upper
         self.velocity_limit, self.effort_limit = chain.velocity, chain.effort
+        for limit in (self.lower, self.upper, self.velocity_limit, self.effort_limit):
+            limit.setflags(write=False)  # unpickled arrays have lost it
         turns = np.isinf(self.lower)  # a continuous joint: one turn is all of it
         self._range = np.where(turns, -np.pi, self.lower), np.where(turns, np.pi, self.upper)
         self.middle = 0.5 * self._range[0] + 0.5 * self._range[1]
