@@ -7,7 +7,7 @@ large at the optimum and Gauss-Newton converges slowly or not at all; for that c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -43,7 +43,7 @@ class TaskCost:
     def level(self, at: Configuration) -> Level:
         """Gauss-Newton."""
         A, r = self.rows(at)
-        return Level(A.T @ A, -(A.T @ r), A, 0.5 * float(r @ r))
+        return Level(A.T @ A, -(A.T @ r), A, 0.5 * float(r @ r), float(r @ r))
 
     def rows(self, at: Configuration) -> tuple[np.ndarray, np.ndarray]:
         """The weighted Jacobian W J (m, n) and the weighted error W e (m,)."""
@@ -81,14 +81,18 @@ class ExactTaskCost:
     def level(self, at: Configuration) -> Level:
         """Newton, its Hessian made positive by the size of its eigenvalues."""
         model = self.tasks.level(at)
-        _, r = self.tasks.rows(at)
-        H = model.H - self.tasks.curvature(at, r)
+        return replace(model, H=positive_part(self.hessian(at)))
+
+    def hessian(self, at: Configuration) -> np.ndarray:
+        """The Hessian (n, n), of any definiteness."""
+        A, r = self.tasks.rows(at)
+        H = A.T @ A - self.tasks.curvature(at, r)
         for task in self.tasks.tasks:
             e, weights = np.zeros(6), np.zeros(6)
             e[task.rows], weights[task.rows] = task.error(at), task.weights
             turn = weights[5] * np.cross(e[3:], at.jacobian(task.frame)[3:], axisb=0).T
             H -= _flattening(float(np.linalg.norm(e[3:]))) * turn.T @ turn
-        return Level(positive_part(H), model.c, model.rows, model.cost)
+        return H
 
 
 def _flattening(angle: float) -> float:
@@ -111,13 +115,19 @@ class WeightedCost:
         return self.tasks.value(at) + self.weight * self.objective.cost(at)
 
     def level(self, at: Configuration) -> Level:
-        """One QP: the objective's rows beside the pose's."""
+        """One QP, the objective's rows beside the pose's.
+
+        Its Hessian is exact: at the optimum the pose's curvature, times the error that is left, is as large as the
+        objective's own.
+        """
         pose = self.tasks.level(at)
+        H = ExactTaskCost(self.tasks).hessian(at) + self.weight * self.objective.hessian(at)
         return Level(
-            pose.H + self.weight * positive_part(self.objective.hessian(at)),
+            positive_part(H),
             pose.c + self.weight * self.objective.gradient(at),
             pose.rows,
             pose.cost + self.weight * self.objective.cost(at),
+            pose.squared_error,
         )
 
 

@@ -16,7 +16,7 @@ Mansard and Wieber, "Hierarchical quadratic programming", 2014, section 3.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -44,10 +44,12 @@ class Level:
     rows: np.ndarray
     """(m, n), what the levels below must leave as it is: they move in its null space"""
     cost: float = 0.0
+    squared_error: float = 0.0
+    """|W e|^2 of the tasks in it"""
 
     def damped(self, mu: float) -> Level:
         """The same with `1/2 mu |dq|^2` added (Levenberg-Marquardt)."""
-        return Level(self.H + mu * np.eye(len(self.c)), self.c, self.rows, self.cost)
+        return replace(self, H=self.H + mu * np.eye(len(self.c)))
 
 
 @dataclass(frozen=True)
@@ -105,20 +107,22 @@ def solve_hierarchy(levels: Sequence[Level], bounds: Bounds, backend: Backend) -
     return np.clip(dq, bounds.lower, bounds.upper)
 
 
-def projected_step(gradient: np.ndarray, rows: np.ndarray, bounds: Bounds, backend: Backend) -> np.ndarray:
-    """Steepest descent (n,) along `rows dq = 0` and within the bounds: zero exactly at a stationary point.
+def projected_gradient(gradient: np.ndarray, rows: np.ndarray, bounds: Bounds, backend: Backend) -> float:
+    """Largest entry of the gradient (n,) that is left along `rows dq = 0` and the limits: zero at a stationary point.
 
-    It is the point of that set nearest to -gradient, so its size is that of the gradient's part which no constraint
-    holds up (Nocedal and Wright, section 12.3).
+    It is the steepest descent step of the gradient, scaled down, to the nearest point of that set (Nocedal and Wright,
+    section 12.3). The scale makes a limit hold up its part of the gradient only where q stands on it, to about 1e-9.
     """
+    scale = 1e-3
     if len(rows) == 0 and len(bounds.h) == 0:
-        return np.clip(-gradient, bounds.lower, bounds.upper)
+        return float(np.abs(np.clip(-scale * gradient, bounds.lower, bounds.upper)).max()) / scale
     n = len(gradient)
     Z = _subspace(np.eye(n)[:, bounds.lower < bounds.upper], rows)
     if Z.shape[1] == 0:
-        return np.zeros(n)
-    problem = build_next(Level(np.eye(n), gradient, np.eye(n)), bounds, np.zeros(n), Z)
-    return _shortened(problem, _solve_in_null_space(problem.qp, backend), bounds)
+        return 0.0
+    problem = build_next(Level(np.eye(n), scale * gradient, np.eye(n)), bounds, np.zeros(n), Z)
+    dq = _shortened(problem, _solve_in_null_space(problem.qp, backend), bounds)
+    return float(np.abs(dq).max()) / scale
 
 
 def _subspace(Z: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maira_qp.problem.costs import ExactTaskCost, TaskCost
-from maira_qp.problem.hierarchy import projected_step
+from maira_qp.problem.costs import Cost, ExactTaskCost, TaskCost
+from maira_qp.problem.hierarchy import projected_gradient
 from maira_qp.robots.configuration import Configuration
 from maira_qp.solvers.descent import Budget, Descent, Stall, descend
 from maira_qp.solvers.setting import Setting
@@ -93,9 +93,7 @@ def nearest(cost: TaskCost, descent: Descent, setting: Setting, budget: Budget) 
     )
 
 
-def stationarity(cost, at: Configuration, setting: Setting, rows: np.ndarray | None = None) -> float:
-    """Largest entry of the cost's gradient that neither the limits nor the `rows` (m, n) above it hold up."""
-    n = setting.robot.n
-    gradient = cost.level(at).c
-    keep = np.empty((0, n)) if rows is None else rows
-    return float(np.abs(projected_step(gradient, keep, setting.bounds(at.q), setting.backend)).max())
+def stationarity(cost: Cost, at: Configuration, setting: Setting) -> float:
+    """Largest entry of the cost's gradient that the limits do not hold up."""
+    no_rows = np.empty((0, setting.robot.n))
+    return projected_gradient(cost.level(at).c, no_rows, setting.bounds(at.q), setting.backend)

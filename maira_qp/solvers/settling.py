@@ -1,8 +1,5 @@
 """Settle the redundancy once the pose is reached.
 
-*Weighted*: descend the weighted sum from the reached configuration, so that the pose error left is at most what the
-objective gained.
-
 *Strict*: walk along the self-motion manifold. Each step is the hierarchy's: level 1 holds the pose, level 2 (3, ...)
 moves in its null space by a Newton step of the objective, inside the limits and a trust region. The Hessian of level 2
 is that of the Lagrangian, the objective's plus the pose's curvature times the multipliers, so that the walk converges
@@ -10,6 +7,10 @@ quadratically along a curved manifold too. After the step a few descents of the 
 manifold; the step counts if the pose is within tolerance and the objective fell. The walk ends when the projected
 gradient vanishes. (A feasible sequential quadratic programming method: Nocedal and Wright, "Numerical Optimization",
 2006, chapter 18; for the manifold Luenberger, "The gradient projection method along geodesics", 1972.)
+
+*Weighted*: the optimum of `1/2 |W e|^2 + weight objective` lies within the order of the weight of the strict one, at
+the end of a valley as narrow as the weight is small. So the arm first walks along the self-motion as above, and then
+descends the weighted sum from there.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from maira_qp.problem.costs import TaskCost, WeightedCost, objective_level
-from maira_qp.problem.hierarchy import projected_step, solve_hierarchy
+from maira_qp.problem.hierarchy import projected_gradient, solve_hierarchy
 from maira_qp.problem.objectives import Objective
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.robots.configuration import Configuration
@@ -43,8 +44,8 @@ RESTORED = 0.5e-22
 SAME = 1e-10
 """Two values of a higher objective this near to each other leave the word to the next one."""
 
-RESOLUTION = 1e-15
-"""A predicted gain below this share of the objective cannot be told from rounding."""
+RESOLUTION = 1e-14
+"""Two values of the last objective this near to each other cannot be told from rounding."""
 
 
 @dataclass(frozen=True)
@@ -64,13 +65,15 @@ def settle(
     reached: Callable[[Configuration], bool],
 ) -> Settled:
     """From a configuration that reaches the pose to the optimum of the redundancy near it."""
+    objectives = redundancy.objectives if isinstance(redundancy, Strict) else (redundancy.objective,)
+    settled = _Walk(cost, objectives, setting, budget, reached).run(at)
     if isinstance(redundancy, Weighted):
-        return _trade_off(WeightedCost(cost, redundancy.objective, redundancy.weight), at, setting, budget)
-    walk = _Walk(cost, redundancy.objectives, setting, budget, reached)
-    return walk.run(at)
+        return _trade_off(WeightedCost(cost, redundancy.objective, redundancy.weight), settled.at, setting, budget)
+    return settled
 
 
 def _trade_off(cost: WeightedCost, at: Configuration, setting: Setting, budget: Budget) -> Settled:
+    """Descend the weighted sum to where its gradient, in units of the objective, vanishes."""
     tolerance = setting.options.stationarity_tolerance * min(1.0, cost.weight)
     end = descend(
         cost,
@@ -100,19 +103,19 @@ class _Walk:
         for _ in range(self.setting.options.max_settling):
             if self._is_optimal(at) or self.budget.late():
                 break
-            dq, gain = self._step(at, radius)
+            dq = self._step(at, radius)
             trial = self._restored(self.setting.moved(at, dq))
             if trial is not None and self._better(trial, at):
                 radius = 2 * radius if np.abs(dq).max() > 0.9 * radius else radius
                 at = trial
             else:
                 radius = 0.25 * min(radius, float(np.abs(dq).max()))
-                if radius < LEAST_RADIUS or gain <= RESOLUTION * (1 + abs(self.objectives[0].cost(at))):
+                if radius < LEAST_RADIUS:
                     break
         return Settled(at, self._projected_gradient(at, 0))
 
-    def _step(self, at: Configuration, radius: float) -> tuple[np.ndarray, float]:
-        """The hierarchy's displacement (n,) within the trust region, and what it promises the first objective."""
+    def _step(self, at: Configuration, radius: float) -> np.ndarray:
+        """The hierarchy's displacement (n,) within the trust region."""
         self.budget.iterations += 1
         rows, _ = self.cost.rows(at)
         pose = self.cost.level(at)
@@ -121,9 +124,7 @@ class _Walk:
             curvature = self.cost.curvature(at, self._multipliers(objective, rows, at))
             levels.append(objective_level(objective, at, curvature))
         dq = solve_hierarchy(levels, self.setting.bounds(at.q).within(radius), self.setting.backend)
-        if dq is None:
-            return np.zeros_like(at.q), 0.0
-        return dq, -float(levels[1].c @ dq + 0.5 * dq @ levels[1].H @ dq)
+        return np.zeros_like(at.q) if dq is None else dq
 
     def _multipliers(self, objective: Objective, rows: np.ndarray, at: Configuration) -> np.ndarray:
         """Multipliers (m,) of the pose's rows (m, n) that balance the objective's gradient off the limits."""
@@ -144,19 +145,19 @@ class _Walk:
         return end.at if self.reached(end.at) else None
 
     def _better(self, trial: Configuration, at: Configuration) -> bool:
-        """The first objective that differs by more than rounding is lower in the trial."""
-        for objective in self.objectives:
+        """The first objective to differ by more than rounding is lower in the trial, or, if none, its gradient is."""
+        for k, objective in enumerate(self.objectives):
             before, now = objective.cost(at), objective.cost(trial)
-            if abs(now - before) > (SAME * (1 + abs(before)) if objective is not self.objectives[-1] else 0.0):
+            last = k == len(self.objectives) - 1
+            if abs(now - before) > (RESOLUTION if last else SAME) * (1 + abs(before)):
                 return now < before
-        return False
+        return self._projected_gradient(trial, k) < self._projected_gradient(at, k)
 
     def _projected_gradient(self, at: Configuration, priority: int) -> float:
         """Largest entry of an objective's gradient that the limits, the pose and the objectives above leave free."""
         rows = [self.cost.rows(at)[0], *(above.hessian(at) for above in self.objectives[:priority])]
         gradient = self.objectives[priority].gradient(at)
-        step = projected_step(gradient, np.vstack(rows), self.setting.bounds(at.q), self.setting.backend)
-        return float(np.abs(step).max())
+        return projected_gradient(gradient, np.vstack(rows), self.setting.bounds(at.q), self.setting.backend)
 
     def _is_optimal(self, at: Configuration) -> bool:
         tolerance = self.setting.options.stationarity_tolerance

@@ -25,7 +25,7 @@ def tick(
         first = WeightedCost(cost, redundancy.objective, redundancy.weight).level(at)
     else:
         first = cost.level(at)
-    mu = setting.options.damping * 2 * cost.value(at) + LEAST_DAMPING * float(np.abs(first.H).max())
+    mu = setting.options.damping * first.squared_error + LEAST_DAMPING * float(np.abs(first.H).max())
     levels = [first.damped(mu)]
     if isinstance(redundancy, Strict):
         levels += [objective_level(objective, at) for objective in redundancy.objectives]
