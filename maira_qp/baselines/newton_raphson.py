@@ -89,7 +89,7 @@ def newton_null_space(
     q0: Any,
     gradient: Callable[[np.ndarray], np.ndarray],
     *,
-    alpha: float = 10.0,
+    alpha: float,
     step: float = 1.0,
     max_step: float = math.inf,
     position_tolerance: float = 1e-3,
@@ -98,8 +98,9 @@ def newton_null_space(
 ) -> BaselineResult:
     """`newton_pose` that also climbs an objective w in the null space of the pose, until the pose is reached.
 
-    `gradient` maps q (n,) to grad w (n,), `alpha` > 0 is its gain; see `maira_qp.baselines.objectives`. It stops where
-    the pose has converged, wherever w stands. Raises `PoseError`, `ConfigurationError`, `OptionError`.
+    `gradient` maps q (n,) to grad w (n,), see `maira_qp.baselines.objectives`; `alpha` > 0 is its gain, which depends
+    on the curvature of w (100 suits the distance from the limits of a 7-joint arm, 1 its manipulability). It stops
+    where the pose has converged, wherever w stands. Raises `PoseError`, `ConfigurationError`, `OptionError`.
     """
     if not callable(gradient):
         raise OptionError(f"gradient must be a function of q, got {gradient!r:.80}")
