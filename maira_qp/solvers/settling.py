@@ -145,12 +145,18 @@ class _Walk:
         return end.at if self.reached(end.at) else None
 
     def _better(self, trial: Configuration, at: Configuration) -> bool:
-        """The first objective to differ by more than rounding is lower in the trial, or, if none, its gradient is."""
+        """The first objective to differ by more than rounding is lower in the trial, or, if none, its gradient is.
+
+        Objectives are compared by their Lagrangians, so that what is left of the pose error does not count as gain.
+        """
+        rows, error = self.cost.rows(at)
+        regained = self.cost.rows(trial)[1] - error
         for k, objective in enumerate(self.objectives):
-            before, now = objective.cost(at), objective.cost(trial)
+            before = objective.cost(at)
+            gain = before - objective.cost(trial) + self._multipliers(objective, rows, at) @ regained
             last = k == len(self.objectives) - 1
-            if abs(now - before) > (RESOLUTION if last else SAME) * (1 + abs(before)):
-                return now < before
+            if abs(gain) > (RESOLUTION if last else SAME) * (1 + abs(before)):
+                return bool(gain > 0)
         return self._projected_gradient(trial, k) < self._projected_gradient(at, k)
 
     def _projected_gradient(self, at: Configuration, priority: int) -> float:
