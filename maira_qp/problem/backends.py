@@ -23,10 +23,10 @@ from maira_qp.problem.qp import QP, QPSolution
 ACCURATE: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "daqp": {"primal_tol": 1e-11, "dual_tol": 1e-11},
-        "proxqp": {"eps_abs": 1e-10, "eps_rel": 0.0, "max_iter": 1000, "max_iter_in": 100},  # unbounded, it may hang
-        "piqp": {"eps_abs": 1e-11, "eps_rel": 0.0},
+        "proxqp": {"eps_abs": 1e-10, "eps_rel": 0.0, "max_iter": 1000},
+        "piqp": {"eps_abs": 1e-9, "eps_rel": 0.0},
         "osqp": {"eps_abs": 1e-8, "eps_rel": 0.0, "max_iter": 20_000, "eps_prim_inf": 1e-12, "eps_dual_inf": 1e-12},
-        "clarabel": {"tol_feas": 1e-11, "tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11},
+        "clarabel": {"tol_feas": 1e-9, "tol_gap_abs": 1e-9, "tol_gap_rel": 1e-9},
     }
 )
 """Settings of each backend for residuals of about 1e-8 or below on a QP of size 1."""
@@ -42,7 +42,10 @@ def available() -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Backend:
-    """A QP backend by its name, with its settings. Raises `BackendError` if it is not installed."""
+    """A QP backend by its name, with its settings.
+
+    Raises `BackendError` if it is not installed or does not understand its settings.
+    """
 
     name: str = "daqp"
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -52,6 +55,9 @@ class Backend:
         if self.name not in available():
             raise BackendError(f"no QP backend {self.name!r} here; {listed(available(), str(self.name))}")
         object.__setattr__(self, "settings", dict(self.settings or ACCURATE.get(self.name, {})))
+        trial = self.solve(QP(np.eye(2), np.ones(2), -np.ones(2), np.ones(2), np.empty((0, 2)), np.empty(0)))
+        if not trial.found:
+            raise BackendError(f"QP backend {self.name!r} with settings {self.settings} fails: {trial.reason:.300}")
 
     def solve(self, qp: QP) -> QPSolution:
         """The solution of a QP; a failure of any kind is a solution that says `found=False`."""
