@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from maira_qp import baselines
+from maira_qp.baselines.inputs import rigid_target
 from maira_qp.errors import ConfigurationError, OptionError, PoseError
 from maira_qp.robots.catalog import iiwa14, maira
 from maira_qp.robots.dh import DHLink, DHTable
@@ -178,9 +179,13 @@ def test_wrong_arguments_are_named(change, error, says):
 
 
 def test_a_slightly_rounded_rotation_is_taken_as_the_nearest():
-    """A rotation part rounded to seven digits is accepted and still solved to 1e-6."""
+    """A rotation rounded to six digits becomes the nearest exact one, as SciPy finds it; the caller's array stays."""
     table = maira()
     q = np.array([0.3, 0.5, -0.2, 1.0, 0.4, 0.8, 0.1])
-    target = table.forward(q).round(6)
-    result = baselines.dh_clamped(table, target, q + 0.01)
-    assert result.converged
+    rounded = table.forward(q).round(6)
+    copy = rounded.copy()
+    R = rigid_target(rounded)[:3, :3]
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(R, Rotation.from_matrix(rounded[:3, :3]).as_matrix(), atol=1e-11)
+    assert np.array_equal(rounded, copy)
+    assert baselines.dh_clamped(table, rounded, q + 0.01).converged
