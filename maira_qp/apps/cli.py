@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -60,12 +62,27 @@ def _run(arguments: list[str]) -> int:
         sys.stdout.write(f"maira-qp {maira_qp.__version__}\n")
         return 0
     try:
-        command = tyro.cli(Command, args=arguments, prog="maira-qp", description=DESCRIPTION)  # type: ignore[arg-type]
-        return command.run()
+        return _parse(arguments).run()
     except BrokenPipeError:
         raise
     except (MairaError, OSError) as reason:
         print(f"maira-qp: error: {reason}", file=sys.stderr)  # noqa: T201
         return MISUSE
-    except SystemExit as end:  # tyro has printed help (0) or what is wrong (2)
+    except SystemExit as end:  # help (0), or what cannot be parsed (2), was printed
         return end.code if isinstance(end.code, int) else MISUSE
+
+
+def _parse(arguments: list[str]) -> Command:
+    """The command with its flags. Raises `MairaError` for a bad value, `SystemExit` after help or a bad flag."""
+    told = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(told):
+            return tyro.cli(Command, args=arguments, prog="maira-qp", description=DESCRIPTION)  # type: ignore[arg-type]
+    except SystemExit as end:
+        reason: BaseException | None = end
+        while reason is not None:  # tyro wraps what a class of flags raises: its own words say it better
+            if isinstance(reason, MairaError):
+                raise reason from None
+            reason = reason.__context__
+        sys.stderr.write(told.getvalue())
+        raise

@@ -1,0 +1,367 @@
+"""The command line: exit codes, units, JSON, misuse, and what a shell does to it."""
+
+import json
+import math
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import maira_qp as mq
+from maira_qp.apps.cli import main
+
+
+def command(*arguments, **options):
+    """The command line in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-m", "maira_qp", *arguments], capture_output=True, text=True, timeout=60, **options
+    )
+
+
+@pytest.fixture
+def run(capsys):
+    """The command line in this process: exit code, stdout, stderr."""
+
+    def call(*arguments):
+        capsys.readouterr()
+        code = main([str(argument) for argument in arguments])
+        out, err = capsys.readouterr()
+        return code, out, err
+
+    return call
+
+
+def strict_json(text):
+    """A JSON value by the letter: no NaN, no Infinity."""
+
+    def refuse(constant):
+        raise AssertionError(f"{constant} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def misuse(answer):
+    """A misuse: exit code 2, nothing on stdout, one line on stderr, which is returned."""
+    code, out, err = answer
+    assert code == 2
+    assert out == ""
+    assert err.count("\n") == 1
+    assert err.startswith("maira-qp: error: ")
+    return err
+
+
+def test_solved_is_0_and_the_json_is_the_solution(run, maira):
+    """A solved pose exits with 0; the JSON's joint values put the tool there, judged afresh; negative numbers work."""
+    code, out, err = run("solve", "--position", -0.4, 0, 0.5, "--quaternion", 0, -1, 0, 0, "--json")
+    s = strict_json(out)
+    assert (code, err) == (0, "")
+    assert (s["status"], s["success"]) == ("CONVERGED", True)
+    q = np.array(s["q"])
+    error = mq.pose_error(maira.forward(q).homogeneous, mq.pose([-0.4, 0, 0.5], quaternion=[0, -1, 0, 0]).homogeneous)
+    assert np.linalg.norm(error[:3]) <= 1e-6
+    assert np.linalg.norm(error[3:]) <= 1e-6
+    assert s["joint_names"] == list(maira.joint_names)
+    assert s["cost"] is None  # NaN without redundancy
+
+
+def test_not_solved_is_1_and_says_why(run, maira):
+    """A pose far outside exits with 1; table and JSON name the status, and the nearest q is inside the limits."""
+    far = ("solve", "--position", 9, 0, 0, "--max-restarts", 2)
+    code, out, _ = run(*far)
+    assert code == 1
+    assert "position error [m]" in out
+    assert any(status in out for status in ("NEAREST", "UNREACHABLE", "BUDGET_SPENT"))
+    code, out, _ = run(*far, "--json")
+    s = strict_json(out)
+    assert code == 1
+    assert s["success"] is False
+    assert s["status"] in out
+    assert (maira.lower <= s["q"]).all()
+    assert (s["q"] <= maira.upper).all()
+
+
+def test_misuse_is_2_with_one_line(run, tmp_path):
+    """Whatever a caller gets wrong: exit code 2, one line on stderr that says what, nothing on stdout."""
+    at = ("solve", "--position", 0.4, 0, 0.5)
+    (tmp_path / "words.txt").write_text("not numbers")
+    (tmp_path / "stretched.txt").write_text("2 0 0 0.4\n0 1 0 0\n0 0 1 0.5\n0 0 0 1\n")
+    (tmp_path / "broken.urdf").write_text("<robot><link")
+    for arguments, message in (
+        (("solve",), "--position"),
+        ((*at, "--quaternion", 0, 0, 0, 0), "zero quaternion"),
+        ((*at, "--quaternion", 1, 1, 0, 0), "norm"),
+        ((*at, "--quaternion", 1, 0, 0, 0, "--rpy", 0, 0, 0), "quaternion and rpy"),
+        (("solve", "--position", "nan", 0, 0), "finite"),
+        ((*at, "--q0", 1, 2, 3), "(7,)"),
+        ((*at, "--q0"), "(7,)"),
+        ((*at, "--backend", "nope"), "daqp"),
+        ((*at, "--weight", 1e-3), "--redundancy weighted"),
+        ((*at, "--redundancy", "weighted", "--weight", -1), "positive"),
+        ((*at, "--seed", -1), "--seed"),
+        ((*at, "--position-tolerance", -1), "position_tolerance"),
+        ((*at, "--tip", "toool0"), "did you mean 'tool0'"),
+        ((*at, "--robot", "panda"), "valid: maira, iiwa14"),
+        ((*at, "--robot", tmp_path / "none.urdf"), "none.urdf"),
+        ((*at, "--robot", tmp_path / "none.toml"), "none.toml"),
+        ((*at, "--robot", tmp_path / "broken.urdf"), "XML"),
+        (("solve", "--matrix", tmp_path / "none.txt"), "none.txt"),
+        (("solve", "--matrix", tmp_path / "words.txt"), "words.txt"),
+        (("solve", "--matrix", tmp_path / "stretched.txt"), "not orthonormal"),
+        ((*at, "--matrix", tmp_path / "stretched.txt"), "--position"),
+        (("fk", 1, 2), "(7,)"),
+        (("fk", "inf", 0, 0, 0, 0, 0, 0), "finite"),
+        (("urdf", "--output", tmp_path / "words.txt" / "x"), "words.txt"),
+        (("bench", "--targets", 0), "targets"),
+        (("compare", "--targets", 0), "targets"),
+    ):
+        assert message in misuse(run(*arguments)), arguments
+
+
+@pytest.mark.parametrize(
+    "arguments", [(), ("nope",), ("solve", "--bogus"), ("solve", "--position", "1", "2"), ("fk", "x")]
+)
+def test_what_cannot_be_parsed_is_2(run, arguments):
+    """Unknown verbs and flags and missing values: exit code 2, told on stderr, no traceback."""
+    code, out, err = run(*arguments)
+    assert code == 2
+    assert out == ""
+    assert err
+    assert "Traceback" not in err
+
+
+def test_degrees_in_and_out(run, iiwa14):
+    """With --deg the same start and orientation in degrees give the same solution, in degrees."""
+    q0 = iiwa14.clip(np.array([0.3, -0.5, 0.2, 1.0, -0.1, 0.7, 0.4]))
+    rpy = (0.1, -3.0, 0.4)
+    at = ("solve", "--robot", "iiwa14", "--position", 0.4, 0.1, 0.6, "--json")
+    _, out, _ = run(*at, "--rpy", *rpy, "--q0", *q0)
+    radians = strict_json(out)
+    _, out, _ = run(*at, "--rpy", *np.degrees(rpy), "--q0", *np.degrees(q0), "--deg")
+    degrees = strict_json(out)
+    np.testing.assert_allclose(np.radians(degrees["q"]), radians["q"], atol=1e-6)
+    assert set(degrees["q_units"]) == {"deg"}
+    assert set(radians["q_units"]) == {"rad"}
+    np.testing.assert_allclose(iiwa14.forward(radians["q"]).rotation, mq.pose([0, 0, 0], rpy=rpy).rotation, atol=1e-5)
+
+
+def test_sliding_joints_stay_in_metres(run, tmp_path):
+    """With --deg a turning joint is in degrees and a sliding one still in metres, in and out."""
+    (tmp_path / "crane.toml").write_text(
+        'name = "crane"\n[[links]]\nkind = "revolute"\na = 0.5\n'
+        '[[links]]\nkind = "prismatic"\nlower = 0.0\nupper = 1.0\n'
+    )
+    code, out, _ = run("fk", 90, 0.25, "--robot", tmp_path / "crane.toml", "--deg", "--json")
+    found = strict_json(out)
+    assert code == 0
+    assert found["q_units"] == ["deg", "m"]
+    np.testing.assert_allclose(found["q"], [90, 0.25])
+    np.testing.assert_allclose(found["position"], [0, 0.5, 0.25], atol=1e-12)
+    np.testing.assert_allclose(found["rpy"], [0, 0, 90], atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["txt", "csv", "json", "npy"])
+def test_matrix_files(run, tmp_path, maira, rng, kind):
+    """A pose from a file of any kind is solved; rounded to three decimals it is refused, and taken with --project."""
+    q = maira.random_configuration(rng)
+    for T, project, code in (
+        (maira.forward(q).homogeneous, (), 0),
+        (maira.forward(q).homogeneous.round(3), (), 2),
+        (maira.forward(q).homogeneous.round(3), ("--project",), 0),
+    ):
+        path = tmp_path / f"pose.{kind}"
+        if kind == "npy":
+            np.save(path, T)
+        elif kind == "json":
+            path.write_text(json.dumps(T.tolist()))
+        else:
+            np.savetxt(path, T, delimiter="," if kind == "csv" else " ", fmt="%.17g")
+        assert run("solve", "--matrix", path, *project)[0] == code
+
+
+def test_an_orientation_file_with_a_position(run, tmp_path):
+    """A 3x3 file is the orientation alone and goes with --position."""
+    path = tmp_path / "R.txt"
+    path.write_text("0 -1 0\n1 0 0\n0 0 1\n")
+    code, out, _ = run("solve", "--matrix", path, "--position", 0.4, 0.2, 0.9, "--json")
+    assert code == 0
+    T = mq.Robot.maira().forward(strict_json(out)["q"])
+    np.testing.assert_allclose(T.rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-5)
+
+
+def test_redundancy_flags(run):
+    """Strict reaches the pose at a lower posture cost than no wish does; weighted trades the pose for it and ends in 1."""
+    at = ("solve", "--position", -0.4, 0, 0.5, "--q0", *[0.5] * 7, "--json")
+    q = {}
+    for redundancy, code in (("none", 0), ("strict", 0), ("weighted", 1)):
+        answer = run(*at, "--redundancy", redundancy)
+        assert answer[0] == code
+        q[redundancy] = np.array(strict_json(answer[1])["q"])
+    assert np.sum(q["strict"] ** 2) < np.sum(q["none"] ** 2)
+    assert np.sum(q["weighted"] ** 2) < np.sum(q["strict"] ** 2)
+
+
+def test_the_seed_decides(run):
+    """The same seed gives the same answer, another seed another."""
+    at = ("solve", "--position", -0.4, 0, 0.5, "--json")
+    answers = [strict_json(run(*at, "--seed", seed)[1])["q"] for seed in (3, 3, 4)]
+    assert answers[0] == answers[1] != answers[2]
+
+
+def test_every_option_is_a_flag(run):
+    """Each field of Options is a flag of solve, with its docstring as help; its value arrives."""
+    from dataclasses import fields
+
+    code, out, _ = run("solve", "--help")
+    assert code == 0
+    for field in fields(mq.Options):
+        assert f"--{field.name.replace('_', '-')}" in out
+    assert "[rad]" in out
+    assert "[m]" in out
+    # one iteration, no restart: not enough
+    at = ("solve", "--position", -0.4, 0, 0.5, "--q0", *[0.5] * 7, "--json")
+    assert run(*at)[0] == 0
+    code, out, _ = run(*at, "--max-iterations", 1, "--max-restarts", 0, "--max-settling", 0)
+    assert code == 1
+    assert strict_json(out)["restarts"] == 0
+
+
+def test_help_tells_the_exit_codes(run):
+    """The exit codes and the units are told by --help; --version prints the version; both exit with 0."""
+    code, out, _ = run("--help")
+    assert code == 0
+    for text in (
+        "Exit codes: 0",
+        "1 not solved",
+        "2 misuse",
+        "Lengths are in m",
+        "solve",
+        "fk",
+        "urdf",
+        "compare",
+        "bench",
+    ):
+        assert text in out
+    assert run("--version")[:2] == (0, f"maira-qp {mq.__version__}\n")
+
+
+def test_fk_is_the_forward_kinematics(run, maira, rng):
+    """The printed pose is the robot's; the table shows it too, and says when a joint is outside its limits."""
+    q = maira.random_configuration(rng)
+    code, out, _ = run("fk", *q, "--json")
+    found = strict_json(out)
+    assert code == 0
+    np.testing.assert_allclose(found["matrix"], maira.forward(q).homogeneous, atol=1e-15)
+    np.testing.assert_allclose(
+        mq.pose(found["position"], quaternion=found["quaternion"]).homogeneous, found["matrix"], atol=1e-12
+    )
+    np.testing.assert_allclose(mq.pose(found["position"], rpy=found["rpy"]).homogeneous, found["matrix"], atol=1e-12)
+    assert found["inside_limits"] is True
+    assert strict_json(run("fk", 0, 3, 0, 0, 0, 0, 0, "--json")[1])["inside_limits"] is False
+    assert strict_json(run("fk", "--json")[1])["condition_number"] is None  # stretched out: infinite
+    code, out, _ = run("fk", *q)
+    assert code == 0
+    assert f"{found['position'][0]:.6f}" in out
+
+
+def test_urdf_round_trip(run, tmp_path, maira):
+    """The written URDF loads as the same robot, from stdout and from a file; other tips can be asked for."""
+    code, out, _ = run("urdf")
+    assert code == 0
+    assert mq.Robot.from_urdf(out).forward(np.ones(7)).isApprox(maira.forward(np.ones(7)), 1e-12)
+    path = tmp_path / "arm.urdf"
+    assert run("urdf", "--robot", "maira", "--output", path)[:2] == (0, "")
+    assert path.read_text() == out
+    code, out, _ = run("fk", *[0.1] * 4, "--robot", path, "--tip", "link4", "--json")
+    assert code == 0
+    np.testing.assert_allclose(strict_json(out)["matrix"], maira.forward([0.1] * 7, "link4").homogeneous, atol=1e-12)
+
+
+def test_compare_prints_a_table_and_saves_a_picture(run, tmp_path):
+    """The comparison names every method, judges them, and its picture is a PNG."""
+    path = tmp_path / "comparison.png"
+    code, out, err = run("compare", "--targets", 3, "--picture", path)
+    assert (code, err) == (0, "")
+    for text in ("dh-clamped", "weighted 0.001", "strict", "posture", "out of", "condition number"):
+        assert text in out
+    assert path.read_bytes().startswith(b"\x89PNG")
+    code, out, _ = run("compare", "--targets", 2, "--picture", path, "--json")
+    methods = {row["method"]: row for row in strict_json(out)["methods"]}
+    assert methods["strict"]["strict"] == 2
+    assert all(row["violations"] == 0 for row in methods.values())
+
+
+def test_bench_writes_its_files_and_goes_on(run, tmp_path):
+    """Rows, tables and picture are written; a second run with the same flags adds nothing; other flags are refused."""
+    flags = ("bench", "--methods", "dh-clamped", "pose", "--strata", "uniform", "--targets", 3, "--output", tmp_path)
+    code, out, _ = run(*flags)
+    assert code == 0
+    assert "uniform (3 targets)" in out
+    before = (tmp_path / "rows.jsonl").read_bytes()
+    assert before.count(b"\n") == 1 + 6
+    assert (tmp_path / "success.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "summary.csv").read_text().count("\n") == 1 + 2
+    code, out, _ = run(*flags, "--json")
+    assert code == 0
+    assert [s["count"] for s in strict_json(out)["summaries"]] == [3, 3]
+    assert (tmp_path / "rows.jsonl").read_bytes() == before
+    assert "seed" in misuse(run(*flags, "--seed", 1))
+
+
+def test_as_a_process():
+    """`python -m maira_qp` ends with the same exit codes."""
+    for arguments, code in (
+        (("--version",), 0),
+        (("solve", "--position", "-0.4", "0", "0.5"), 0),
+        (("solve", "--position", "9", "0", "0", "--max-restarts", "0"), 1),
+        (("solve",), 2),
+    ):
+        done = command(*arguments)
+        assert done.returncode == code, done.stderr
+        assert "Traceback" not in done.stderr
+
+
+def test_a_reader_that_goes_away():
+    """`maira-qp urdf | head -1`: no traceback, exit code 141."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "maira_qp", "urdf"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    process.stdout.close()
+    error = process.stderr.read()
+    process.stderr.close()
+    assert process.wait(timeout=60) == 141
+    assert error == ""
+
+
+def test_ctrl_c(tmp_path):
+    """An interrupt in the middle of a benchmark: exit code 130, one line, and the rows that were measured are kept."""
+    rows = tmp_path / "rows.jsonl"
+    flags = ["bench", "--targets", "100000", "--strata", "uniform", "--methods", "pose", "--output", str(tmp_path)]
+    process = subprocess.Popen([sys.executable, "-m", "maira_qp", *flags], stderr=subprocess.PIPE, text=True)
+    limit = time.monotonic() + 60
+    while not (rows.exists() and rows.read_bytes().count(b"\n") > 3) and time.monotonic() < limit:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert error == "maira-qp: interrupted\n"
+    lines = rows.read_text().splitlines()
+    assert len(lines) > 3
+    assert all(math.isfinite(strict_json(line)["time"]) for line in lines[1:])
+
+
+def test_the_command_line_stays_light():
+    """Importing it loads neither Matplotlib nor SciPy's statistics nor the benchmark's runner."""
+    code = "import sys, maira_qp.apps.cli; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert "maira_qp.apps.cli" in loaded
+    for module in (
+        "matplotlib",
+        "scipy.stats",
+        "maira_qp.apps.benchmark.runner",
+        "maira_qp.apps.plots",
+        "rich.progress",
+    ):
+        assert module not in loaded
