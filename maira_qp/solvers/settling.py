@@ -22,6 +22,7 @@ import numpy as np
 
 from maira_qp.problem.costs import TaskCost, WeightedCost, objective_level
 from maira_qp.problem.hierarchy import projected_gradient, solve_hierarchy
+from maira_qp.problem.limits import Bounds
 from maira_qp.problem.objectives import Objective
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.robots.configuration import Configuration
@@ -115,22 +116,31 @@ class _Walk:
         return Settled(at, self._projected_gradient(at, 0))
 
     def _step(self, at: Configuration, radius: float) -> np.ndarray:
-        """The hierarchy's displacement (n,) within the trust region."""
+        """The hierarchy's displacement (n,) within the trust region.
+
+        The multipliers depend on which limits hold the arm, and these on the step: it is taken twice where they differ.
+        """
+        limits = self.setting.bounds(at.q)
+        held = (limits.lower >= 0) | (limits.upper <= 0)
+        dq = self._step_with(held, at, limits.within(radius))
+        holding = (dq <= limits.lower) | (dq >= limits.upper)
+        return dq if np.array_equal(holding, held) else self._step_with(holding, at, limits.within(radius))
+
+    def _step_with(self, held: np.ndarray, at: Configuration, bounds: Bounds) -> np.ndarray:
+        """The displacement (n,) with the curvature that belongs to the joints `held` (n,) by their limits."""
         self.budget.iterations += 1
-        rows, _ = self.cost.rows(at)
         pose = self.cost.level(at)
         levels = [pose.damped(LEAST_DAMPING * float(np.abs(pose.H).max()))]
         for objective in self.objectives:
-            curvature = self.cost.curvature(at, self._multipliers(objective, rows, at))
+            curvature = self.cost.curvature(at, self._multipliers(objective, pose.rows, at, held))
             levels.append(objective_level(objective, at, curvature))
-        dq = solve_hierarchy(levels, self.setting.bounds(at.q).within(radius), self.setting.backend)
+        dq = solve_hierarchy(levels, bounds, self.setting.backend)
         return np.zeros_like(at.q) if dq is None else dq
 
-    def _multipliers(self, objective: Objective, rows: np.ndarray, at: Configuration) -> np.ndarray:
-        """Multipliers (m,) of the pose's rows (m, n) that balance the objective's gradient off the limits."""
-        bounds = self.setting.bounds(at.q)
-        inside = (bounds.lower < 0) & (bounds.upper > 0)
-        return np.linalg.lstsq(rows[:, inside].T, -objective.gradient(at)[inside], rcond=1e-6)[0]
+    def _multipliers(self, objective: Objective, rows: np.ndarray, at: Configuration, held: np.ndarray) -> np.ndarray:
+        """Multipliers (m,) of the pose's rows (m, n) that balance the objective's gradient where no limit does."""
+        free = ~held
+        return np.linalg.lstsq(rows[:, free].T, -objective.gradient(at)[free], rcond=1e-6)[0]
 
     def _restored(self, at: Configuration) -> Configuration | None:
         """The configuration brought back onto the pose; None where that fails."""
@@ -151,9 +161,11 @@ class _Walk:
         """
         rows, error = self.cost.rows(at)
         regained = self.cost.rows(trial)[1] - error
+        limits = self.setting.bounds(trial.q)
+        held = (limits.lower >= 0) | (limits.upper <= 0)
         for k, objective in enumerate(self.objectives):
             before = objective.cost(at)
-            gain = before - objective.cost(trial) + self._multipliers(objective, rows, at) @ regained
+            gain = before - objective.cost(trial) + self._multipliers(objective, rows, at, held) @ regained
             last = k == len(self.objectives) - 1
             if abs(gain) > (RESOLUTION if last else SAME) * (1 + abs(before)):
                 return bool(gain > 0)
