@@ -111,3 +111,25 @@ def test_kinematic_hessian_of_random_tables(rng):
         q, weights = robot.random_configuration(rng), rng.normal(size=6)
         C = robot.at(q).kinematic_hessian_product(None, weights)
         assert np.abs(C - second_differences(robot, q, None, weights)).max() < 1e-7
+
+
+@pytest.mark.parametrize("name", ["maira", "pr2_arm", "tiago", "panda_finger", "talos_finger"])
+def test_jacobian_derivative_equals_differences_of_the_jacobian(name, rng):
+    robot = mq.Robot.maira() if name == "maira" else load(name)
+    for frame in (None, robot.frames[len(robot.frames) // 2]):
+        q = robot.random_configuration(rng)
+        derivative = robot.at(q).jacobian_derivative(frame)
+        assert derivative.shape == (robot.n, 6, robot.n)
+        for i, dq in enumerate(1e-6 * np.eye(robot.n)):
+            difference = (robot.jacobian(q + dq, frame) - robot.jacobian(q - dq, frame)) / 2e-6
+            assert np.abs(derivative[i] - difference).max() < 1e-8
+
+
+def test_jacobian_derivative_of_random_tables(rng):
+    for _ in range(10):
+        robot = mq.Robot.from_dh(random_table(rng, int(rng.integers(1, 8))))
+        q = robot.random_configuration(rng)
+        derivative = robot.at(q).jacobian_derivative()
+        for i, dq in enumerate(1e-6 * np.eye(robot.n)):
+            difference = (robot.dh.jacobian(q + dq) - robot.dh.jacobian(q - dq)) / 2e-6
+            assert np.abs(derivative[i] - difference).max() < 1e-8

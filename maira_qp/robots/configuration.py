@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from maira_qp.robots.robot import Robot
 
 _AXES = pin.LOCAL_WORLD_ALIGNED
+_CROSS = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], float)
+"""`(u @ _CROSS).reshape(3, 3) @ v` is u x v."""
+_HALF_TURNS = np.array([1, 1, 1, 0.5, 0.5, 0.5])
 
 
 @cache
@@ -63,37 +66,41 @@ class Configuration:
             self._jacobians[index] = J
         return J
 
-    def kinematic_hessian_product(self, frame: str | None, weights: np.ndarray) -> np.ndarray:
-        """Second derivative (n, n), symmetric, of the pose of a frame (None: the tip), weighted by `weights` (6,).
-
-        `sum_k weights[k] d2 pose_k / dq2` with pose = [p; phi], phi the rotation vector of R(q + dq) R(q)^T at dq = 0 in
-        base axes: the symmetric part of the Jacobian's derivative. Raises `FrameError`.
-        """
-        C = np.einsum("k,ikj->ij", weights, self.jacobian_derivative(frame))
-        return 0.5 * (C + C.T)
-
     def jacobian_derivative(self, frame: str | None = None) -> np.ndarray:
         """Derivative (n, 6, n) of a frame's Jacobian (None: the tip): entry [i] is dJ/dq_i, base axes.
 
         With the columns [v_j; w_j]: joint i turns what is behind it, `dJ_j/dq_i = [w_i x v_j; w_i x w_j]` where i comes
         before j on the chain, and moves the tip for what is before it, `[w_j x v_i; 0]` (Bruyninckx and De Schutter,
-        "Symbolic differentiation of the velocity mapping", 1996). By central differences where mimic joints couple the
-        columns. Raises `FrameError`.
+        "Symbolic differentiation of the velocity mapping", 1996). Raises `FrameError`.
         """
         n = self.robot.n
         if self.robot.has_mimic:
-            step = 1e-5
-            nudges = step * np.eye(n)
-            differences = [
-                self.robot.at(self.q + dq).jacobian(frame) - self.robot.at(self.q - dq).jacobian(frame) for dq in nudges
-            ]
-            return np.array(differences) / (2 * step)
+            return self._derivative_by_differences(frame)
         J = self.jacobian(frame)
-        v, w = J[:3].T, J[3:].T
-        linear = np.cross(w[:, None], v[None])  # [i, j] = w_i x v_j
-        angular = np.cross(w[:, None], w[None])
-        before = np.arange(n)[:, None] < np.arange(n)
+        crosses = (J[3:].T @ _CROSS).reshape(n, 3, 3) @ J.reshape(2, 1, 3, n)  # [v or w, i, :, j] = w_i x column j
+        before = _before(n)[:, None]
         derivative = np.empty((n, 6, n))
-        derivative[:, :3] = np.where(before[:, :, None], linear, linear.swapaxes(0, 1)).swapaxes(1, 2)
-        derivative[:, 3:] = np.where(before[:, :, None], angular, 0.0).swapaxes(1, 2)
+        derivative[:, :3] = np.where(before, crosses[0], crosses[0].T)
+        derivative[:, 3:] = np.where(before, crosses[1], 0.0)
         return derivative
+
+    def _derivative_by_differences(self, frame: str | None, step: float = 1e-5) -> np.ndarray:
+        """The same where mimic joints couple columns, and their order says nothing; error about 1e-10."""
+        nudges = step * np.eye(self.robot.n)
+        pairs = [(self.robot.at(self.q + dq), self.robot.at(self.q - dq)) for dq in nudges]
+        return np.array([ahead.jacobian(frame) - back.jacobian(frame) for ahead, back in pairs]) / (2 * step)
+
+    def kinematic_hessian_product(self, frame: str | None, weights: np.ndarray) -> np.ndarray:
+        """Second derivative (n, n), symmetric, of the pose of a frame (None: the tip), weighted by `weights` (6,).
+
+        `sum_k weights[k] d2 pose_k / dq2` with pose = [p; phi], phi the rotation vector of R(q + dq) R(q)^T at dq = 0
+        in base axes. It is the symmetric part of the weighted `jacobian_derivative`: for i before j
+        `w_p . (w_i x v_j) + 1/2 w_phi . (w_i x w_j)`, with the weights w_p and w_phi. Raises `FrameError`.
+        """
+        if self.robot.has_mimic:
+            C = np.tensordot(weights, self._derivative_by_differences(frame), (0, 1))
+            return 0.5 * (C + C.T)
+        J = self.jacobian(frame)
+        across = ((weights * _HALF_TURNS).reshape(2, 3) @ _CROSS).reshape(6, 3).T
+        C = J[3:].T @ (across @ J)  # w_i . (v_j x w_p + 1/2 w_j x w_phi)
+        return np.where(_before(self.robot.n), C, C.T)

@@ -9,6 +9,7 @@ Meshes are never opened. The format: http://wiki.ros.org/urdf/XML.
 from __future__ import annotations
 
 import copy
+import logging
 import math
 import os
 from collections.abc import Iterable
@@ -23,6 +24,8 @@ from maira_qp.robots.rpy import matrix_from_rpy, rpy_from_matrix
 from maira_qp.robots.urdf_joint import MOVING, Joint, check_ends, joint_of
 from maira_qp.robots.urdf_tree import Edge, LinkTree
 from maira_qp.robots.xml_text import xml_root
+
+log = logging.getLogger(__name__)
 
 MAX_JOINTS = 100
 """Most joints that may move: Pinocchio's working memory grows with their cube, to 1.4 GB at 300."""
@@ -62,7 +65,7 @@ def read_urdf(source: str | os.PathLike[str], tip: str | None = None, base: str 
     base = tree.root if base is None else tree.known(base, "base")
     tip = tree.only_leaf(base) if tip is None else tree.known(tip, "tip")
     path = tree.path(base, tip)
-    joints = {edge.joint: joint_of(elements[edge.joint]) for edge in tree.below(base)}
+    joints = _with_known_leaders({name: joint_of(element) for name, element in elements.items()}, path)
     moving = _moving_joints(joints, [edge.joint for edge in path])
     order = [edge.joint for edge in tree.below(base, first=_leading(tree, moving, path, base))]
     _check_order(order, moving)
@@ -125,6 +128,16 @@ def _edge(element: Element) -> Edge:
 # What moves
 
 
+def _with_known_leaders(joints: dict[str, Joint], path: list[Edge]) -> dict[str, Joint]:
+    """The joints, those beside the path without a mimic of a joint that does not exist: a slip that costs nothing."""
+    on_path = {edge.joint for edge in path}
+    lost = [joint for joint in joints.values() if joint.mimic is not None and joint.mimic[0] not in joints]
+    mended = {joint.name: replace(joint, mimic=None) for joint in lost if joint.name not in on_path}
+    if mended:
+        log.warning("these joints mimic joints that do not exist, and are fixed at zero: %s", ", ".join(mended))
+    return joints | mended
+
+
 def _moving_joints(joints: dict[str, Joint], path: list[str]) -> dict[str, Joint]:
     """The joints that move, by name: those on the path and the leaders of its mimics, with the limits that hold."""
     moving: dict[str, Joint] = {}
@@ -168,9 +181,7 @@ def _leader(joint: Joint, joints: dict[str, Joint]) -> tuple[Joint, float, float
         if name in seen:
             raise RobotError(f"the joints {', '.join(seen)} mimic each other in a circle")
         if name not in joints:
-            raise RobotError(
-                f"joint {leader.name!r} mimics {name!r}, not a joint under the base; {listed(joints, name)}"
-            )
+            raise RobotError(f"joint {leader.name!r} mimics {name!r}, which is not a joint; {listed(joints, name)}")
         seen.append(name)
         leader = joints[name]
     if leader.kind not in MOVING:
@@ -225,12 +236,14 @@ def _turn(axis: np.ndarray, angle: float) -> np.ndarray:
 
 def _leading(tree: LinkTree, moving: dict[str, Joint], path: list[Edge], base: str) -> list[str]:
     """The joints to visit first at each fork: those towards leaders beside the path, then the path itself."""
-    edge_of = {edge.joint: edge for edge in tree.below(base)}
+    child_of = {edge.joint: edge.child for edge in tree.below(base)}
     on_path = [edge.joint for edge in path]
     leading: list[str] = []
     for name in moving:
         if name not in on_path:
-            towards = [edge.joint for edge in tree.path(base, edge_of[name].child)]
+            if name not in child_of:
+                raise RobotError(f"joint {name!r} leads a mimic joint between base and tip, but stands before the base")
+            towards = [edge.joint for edge in tree.path(base, child_of[name])]
             leading += [joint for joint in towards if joint not in on_path]
     return leading + on_path
 

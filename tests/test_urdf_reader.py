@@ -1,0 +1,499 @@
+"""The URDF reader: what is kept and fixed, and a clear error for every description that cannot be used."""
+
+import math
+import os
+import threading
+from itertools import pairwise
+from math import pi
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from conftest import load, urdf_file
+
+import maira_qp as mq
+from maira_qp.errors import FrameError, RobotError
+from maira_qp.robots.urdf_reader import read_urdf
+
+LIMIT = '<limit lower="-1" upper="2" velocity="3" effort="4"/>'
+
+
+def joint(name, parent, child, inside=LIMIT, kind="revolute", axis="0 0 1"):
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="0 0 1"/><axis xyz="{axis}"/>{inside}</joint>'
+    )
+
+
+def robot(*parts, links="abc"):
+    return '<robot name="r">' + "".join(f'<link name="{link}"/>' for link in links) + "".join(parts) + "</robot>"
+
+
+TWO = (joint("ab", "a", "b"), joint("bc", "b", "c", axis="0 2 0"))
+
+
+def joint_elements(chain):
+    return {element.get("name"): element for element in ElementTree.fromstring(chain.urdf).iter("joint")}
+
+
+def test_a_chain_is_what_its_text_says():
+    chain = read_urdf(robot(*TWO))
+    assert (chain.name, chain.base, chain.tip) == ("r", "a", "c")
+    assert chain.joint_names == ("ab", "bc")
+    assert chain.frames == ("a", "b", "c")
+    assert chain.lower.tolist() == [-1, -1]
+    assert chain.upper.tolist() == [2, 2]
+    assert chain.velocity.tolist() == [3, 3]
+    assert chain.effort.tolist() == [4, 4]
+    assert joint_elements(chain)["bc"].find("axis").get("xyz") == "0.0 1.0 0.0"
+
+
+def test_text_may_begin_with_a_byte_order_mark_and_blank_lines():
+    text = '\ufeff\n  <?xml version="1.0"?>\n' + robot(*TWO)
+    assert read_urdf(text) == read_urdf(robot(*TWO))
+
+
+@pytest.mark.parametrize(
+    ("encoding", "declared"),
+    [
+        ("utf-8", None),
+        ("utf-8-sig", "utf-8"),
+        ("utf-16", "utf-16"),
+        ("latin-1", "iso-8859-1"),
+        ("cp1252", "windows-1252"),
+    ],
+)
+def test_files_are_read_in_the_encoding_they_declare(tmp_path, encoding, declared):
+    text = robot(*TWO).replace('name="r"', 'name="r\u00f6"')
+    path = tmp_path / "r.urdf"
+    path.write_bytes(((f'<?xml version="1.0" encoding="{declared}"?>' if declared else "") + text).encode(encoding))
+    assert read_urdf(path).name == read_urdf(str(path)).name == "r\u00f6"
+
+
+def test_only_the_chain_moves_and_the_rest_is_fixed_at_rest():
+    """A joint beside the chain stands at zero, or at the limit nearest to zero, whatever its kind."""
+    beside = [
+        joint("bs", "b", "s", '<limit lower="0.5" upper="1" velocity="1" effort="1"/>', axis="0 0 3"),
+        joint("sp", "s", "p", '<limit lower="-2" upper="-0.25" velocity="1" effort="1"/>', "prismatic", "1 0 0"),
+        joint("pf", "p", "f", "", "floating"),
+        joint("fl", "f", "l", "", "planar"),
+        joint("lc", "l", "t", "", "continuous"),
+    ]
+    chain = read_urdf(robot(*TWO, *beside, links="abcspflt"), tip="c")
+    joints = joint_elements(chain)
+    assert chain.joint_names == ("ab", "bc")
+    assert {name for name, element in joints.items() if element.get("type") == "fixed"} == {
+        "bs",
+        "sp",
+        "pf",
+        "fl",
+        "lc",
+    }
+    T = mq.Robot(chain).forward([0, 0], "t")
+    c, s = math.cos(0.5), math.sin(0.5)
+    assert T.rotation == pytest.approx(np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), abs=1e-15)
+    assert T.translation == pytest.approx([-0.25 * c, -0.25 * s, 6], abs=1e-15)
+
+
+def test_the_part_below_the_base_is_kept_and_no_more():
+    chain = read_urdf(robot(*TWO, joint("ax", "a", "x"), joint("cd", "c", "d", "", "fixed"), links="abcdx"), "c", "b")
+    assert chain.frames == ("b", "c", "d")
+    assert chain.joint_names == ("bc",)
+
+
+def test_bodies_stay_and_foreign_parts_go():
+    body = '<link name="b"><visual><geometry><mesh filename="package://no/such.stl"/></geometry></visual><inertial/></link>'
+    text = robot(*TWO, "<gazebo/><transmission/>", links="ac").replace('<link name="c"/>', body + '<link name="c"/>')
+    chain = read_urdf(text)
+    assert "package://no/such.stl" in chain.urdf
+    assert "gazebo" not in chain.urdf
+    assert "transmission" not in chain.urdf
+    assert mq.Robot(chain).n == 2
+
+
+def test_masses_that_make_no_sense_do_not_stop_kinematics(capfd):
+    """Nor does Pinocchio print about them."""
+    inertial = '<inertial><mass value="{}"/><inertia ixx="1" iyy="1" izz="1" {}/></inertial>'
+    for words in (("nan", 'ixy="0" ixz="0" iyz="0"'), ("1", ""), ("one", 'ixy="0" ixz="0" iyz="0"')):
+        text = robot(*TWO).replace('<link name="b"/>', f'<link name="b">{inertial.format(*words)}</link>')
+        assert mq.Robot.from_urdf(text).forward([0, 0]).translation.tolist() == [0, 0, 2]
+    assert capfd.readouterr() == ("", "")
+
+
+def test_axes_are_normalised_at_every_size():
+    for size in (1e-200, 1e-5, 1, 3, 1e200):
+        chain = read_urdf(robot(joint("ab", "a", "b", axis=f"{3 * size} 0 {-4 * size}"), links="ab"))
+        axis = [float(word) for word in joint_elements(chain)["ab"].find("axis").get("xyz").split()]
+        assert axis == pytest.approx([0.6, 0, -0.8], abs=1e-15)
+
+
+def test_the_default_axis_is_x_and_the_default_origin_the_parent():
+    text = robot(f'<joint name="j" type="revolute"><parent link="a"/><child link="b"/>{LIMIT}</joint>', links="ab")
+    assert mq.Robot.from_urdf(text).jacobian([0.0])[:, 0].tolist() == [0, 0, 0, 1, 0, 0]
+
+
+def test_a_continuous_joint_has_no_limits_even_if_some_are_written():
+    chain = read_urdf(robot(joint("ab", "a", "b", kind="continuous"), links="ab"))
+    assert (chain.lower[0], chain.upper[0], chain.velocity[0]) == (-math.inf, math.inf, 3)
+    assert joint_elements(chain)["ab"].get("type") == "continuous"
+
+
+def test_one_missing_limit_is_zero_as_the_format_says():
+    chain = read_urdf(robot(joint("ab", "a", "b", '<limit upper="2" velocity="1" effort="1"/>'), links="ab"))
+    assert (chain.lower[0], chain.upper[0]) == (0, 2)
+
+
+def test_strange_names_survive():
+    """Quotes, brackets, other alphabets, Pinocchio's own word, and one name for a link and a joint."""
+    names = ['a"<&>', "关节", "universe", "0"]
+    text = robot(
+        joint("J0", "L0", "L1"), joint("J1", "L1", "L2"), joint("J2", "L2", "L3"), links=["L0", "L1", "L2", "L3"]
+    )
+    root = ElementTree.fromstring(text)
+    for element in root.iter():
+        for key, value in element.attrib.items():
+            if value[0] in "LJ" and value[1:].isdigit():
+                element.set(key, names[int(value[1:])])
+    made = mq.Robot.from_urdf(ElementTree.tostring(root, encoding="unicode"))
+    assert made.frames == tuple(names)
+    assert made.joint_names == tuple(names[:3])
+    assert made.forward(np.zeros(3), "universe").translation.tolist() == [0, 0, 2]
+
+
+# Tips and bases
+
+
+def test_several_tips_are_listed():
+    with pytest.raises(FrameError, match=r"2 tips, choose one.*valid names: c, d"):
+        read_urdf(robot(*TWO, joint("bd", "b", "d"), links="abcd"))
+
+
+def test_unknown_tips_and_bases_are_refused_with_the_links_listed():
+    with pytest.raises(FrameError, match="the tip 'gripper' is not a link of this robot; valid names: a, b, c"):
+        read_urdf(robot(*TWO), tip="gripper")
+    with pytest.raises(FrameError, match="the base 'cc' is not a link of this robot; did you mean 'c'"):
+        read_urdf(robot(*TWO), base="cc")
+    for wrong in (3, ["c"], b"c"):
+        with pytest.raises(FrameError, match="the tip"):
+            read_urdf(robot(*TWO), tip=wrong)
+
+
+def test_a_base_that_does_not_carry_the_tip_is_refused():
+    with pytest.raises(FrameError, match="the base 'd' does not carry the tip 'c'; valid names: a, b"):
+        read_urdf(robot(*TWO, joint("bd", "b", "d"), links="abcd"), tip="c", base="d")
+    with pytest.raises(FrameError, match="does not carry"):
+        read_urdf(robot(*TWO), tip="a", base="c")
+
+
+def test_a_chain_without_a_moving_joint_is_refused():
+    fixed = robot(joint("ab", "a", "b", "", "fixed"), links="ab")
+    for text, tip, base in (
+        (fixed, None, None),
+        ("<robot><link name='a'/></robot>", None, None),
+        (robot(*TWO), "b", "b"),
+    ):
+        with pytest.raises(RobotError, match="no joint moves between base and tip"):
+            read_urdf(text, tip, base)
+
+
+# What is wrong with the text
+
+BAD_NUMBER = [
+    (joint("ab", "a", "b", axis="0 0 0"), "joint 'ab' has a zero axis"),
+    (joint("ab", "a", "b", axis="0 0 nan"), "joint 'ab', axis: xyz='0 0 nan' is not finite"),
+    (joint("ab", "a", "b", axis="0 0 1e999"), "not finite"),
+    (joint("ab", "a", "b", axis="0 1"), "'0 1' should be 3 numbers"),
+    (joint("ab", "a", "b", axis="z"), "is not made of numbers"),
+    (joint("ab", "a", "b", axis="0 0 1_0"), "is not made of numbers"),
+    (joint("ab", "a", "b").replace("0 0 1", "0 inf 1", 1), "joint 'ab', origin: xyz='0 inf 1' is not finite"),
+    (joint("ab", "a", "b").replace('xyz="0 0 1"', 'rpy="0"', 1), "origin: rpy='0' should be 3 numbers"),
+    (joint("ab", "a", "b", '<limit lower="2" upper="1"/>'), "inverted limits: lower 2.0 > upper 1.0"),
+    (joint("ab", "a", "b", '<limit lower="nan" upper="1"/>'), "lower='nan' is not finite"),
+    (joint("ab", "a", "b", '<limit lower="-inf" upper="inf"/>'), "not finite"),
+    (joint("ab", "a", "b", '<limit lower="-1e308" upper="1e308"/>'), "has no limits"),
+    (joint("ab", "a", "b", '<limit lower="" upper="1"/>'), "should be 1 number"),
+    (joint("ab", "a", "b", '<limit lower="0" upper="1" velocity="nan"/>'), "velocity='nan' is not finite"),
+    (joint("ab", "a", "b", ""), r"is revolute but has no limits: give it lower and upper \(type='continuous'"),
+    (joint("ab", "a", "b", '<limit velocity="1" effort="1"/>'), "has no limits"),
+    (joint("ab", "a", "b", "", "prismatic"), "is prismatic but has no limits: give it lower and upper$"),
+    (joint("ab", "a", "b", "", "floating"), "is floating, which is not supported: start behind it, base='b'"),
+    (joint("ab", "a", "b", "", "planar"), "is planar, which is not supported"),
+    (joint("ab", "a", "b", kind="revolut"), "has the unknown type 'revolut'; did you mean 'revolute'"),
+    (joint("ab", "a", "b").replace(' type="revolute"', ""), "joint 'ab' has no type; valid names: revolute"),
+    (joint("ab", "a", "b").replace('<parent link="a"/>', ""), "joint 'ab' has no parent link"),
+    (joint("ab", "a", "b").replace('<child link="b"/>', "<child/>"), "joint 'ab' has no child link"),
+    (joint("ab", "a", "B"), "joint 'ab' names a link 'B' that does not exist; .*valid names: a, b"),
+    (joint("", "a", "b"), "a joint has no name"),
+    (joint("ab", "a", "b") * 2, "two joints have the name 'ab'"),
+    (joint("ab", "a", "b") + joint("ba", "a", "b"), "link 'b' has two parents, by the joints 'ab' and 'ba'"),
+    (joint("ab", "a", "b") + joint("ba", "b", "a"), "the joints form a cycle through a, b"),
+    (joint("aa", "a", "a"), "cycle"),
+    ("", "the links are not one tree, 2 have no parent: a, b"),
+    ('<link name="a"/>', "two links have the name 'a'"),
+    ("<link/>", "a link has no name"),
+    (
+        joint("ab", "a", "b", f'{LIMIT}<mimic joint="no"/>'),
+        "joint 'ab' mimics 'no', which is not a joint; valid names: ab",
+    ),
+    (joint("ab", "a", "b", f'{LIMIT}<mimic joint="ab"/>'), "mimic each other in a circle"),
+    (joint("ab", "a", "b", f"{LIMIT}<mimic/>"), "mimics a joint that is not named"),
+    (joint("ab", "a", "b", f'{LIMIT}<mimic joint="ab" offset="x"/>'), "mimic: offset='x' is not made of numbers"),
+]
+
+
+@pytest.mark.parametrize(("part", "message"), BAD_NUMBER)
+def test_a_description_that_makes_no_sense_is_refused_with_its_reason(part, message):
+    with pytest.raises(RobotError, match=message):
+        read_urdf(robot(part, links="ab"))
+
+
+def test_a_cycle_beside_a_good_tree_is_seen():
+    with pytest.raises(RobotError, match="cycle through c, d"):
+        read_urdf(robot(joint("ab", "a", "b"), joint("cd", "c", "d"), joint("dc", "d", "c"), links="abcd"), tip="b")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "empty text"),
+        (" \n", "empty text"),
+        ("<robot>\n<link name='a'>\n</robot>", "XML text is not well-formed XML, line 3: mismatched tag"),
+        ("\n\n<robot>\n<link name='a'>\n</robot>", "line 5"),
+        ("<robot", "line 1: unclosed token"),
+        ("<robot/><robot/>", "junk after document element"),
+        ("<sdf/>", "the outermost element is <sdf>, not <robot>"),
+        ("<robot/>", "the robot has no links"),
+        ("<robot><link name='\ud800'/></robot>", "not valid Unicode"),
+        ("<robot>" + "<link>" * 100 + "</link>" * 100 + "</robot>", "nested deeper than 64"),
+        ("<robot xmlns:xacro='x'><xacro:include filename='a'/></robot>", "this is xacro .*run `xacro"),
+        ("<robot><link name='${name}'/></robot>", "this is xacro"),
+        ("<robot><link name='$(arg name)'/></robot>", "this is xacro"),
+    ],
+)
+def test_text_that_is_not_urdf_is_refused_with_its_reason(text, message):
+    with pytest.raises(RobotError, match=message):
+        read_urdf(text)
+
+
+def test_a_namespace_that_xacro_left_behind_is_no_macro():
+    assert read_urdf(robot(*TWO).replace("<robot", "<robot xmlns:xacro='http://wiki.ros.org/xacro'")).tip == "c"
+
+
+BILLION_LAUGHS = '<!DOCTYPE robot [<!ENTITY a "ha">' + "".join(
+    f'<!ENTITY {name} "{10 * ("&" + before + ";")}">' for before, name in pairwise("abcdefghijklm")
+)
+
+
+@pytest.mark.parametrize(
+    "prolog",
+    [
+        BILLION_LAUGHS + "]>",
+        '<!DOCTYPE robot [<!ENTITY m SYSTEM "file:///etc/passwd">]>',
+        '<!DOCTYPE robot SYSTEM "http://localhost/robot.dtd">',
+        "<!DOCTYPE robot>",
+    ],
+)
+def test_document_types_are_refused_before_anything_expands(prolog, tmp_path):
+    """Entities can expand to terabytes (here two) and can read other files."""
+    text = prolog + robot(*TWO).replace('name="r"', 'name="&m;"')
+    (tmp_path / "r.urdf").write_text(text)
+    for source in (text, tmp_path / "r.urdf"):
+        with pytest.raises(RobotError, match="document type and entity declarations are refused"):
+            read_urdf(source)
+
+
+# Files
+
+
+def test_a_file_is_read_by_its_path(tmp_path):
+    path = tmp_path / "with spaces.urdf"
+    path.write_text(robot(*TWO))
+    assert read_urdf(path) == read_urdf(str(path)) == read_urdf(robot(*TWO))
+
+
+def test_a_pipe_is_refused_without_waiting(tmp_path):
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    seen = []
+
+    def read():
+        with pytest.raises(RobotError, match="is not a regular file"):
+            read_urdf(path)
+        seen.append(True)
+
+    thread = threading.Thread(target=read, daemon=True)
+    thread.start()
+    thread.join(timeout=20)
+    assert seen == [True]
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("/no/such/robot.urdf", r"cannot open .*No such file or directory \(XML text would start with '<'\)"),
+        (Path("no_such.urdf"), "No such file"),
+        (".", "is not a regular file"),
+        (os.devnull, "is not a regular file"),
+        ("a\0b", "cannot open"),
+        ("x" * 10_000, "File name too long"),
+        (None, "a path or XML text, not NoneType"),
+        (b"<robot/>", "not bytes"),
+        (3, "not int"),
+    ],
+)
+def test_what_is_no_readable_file_is_refused(source, message):
+    with pytest.raises(RobotError, match=message):
+        read_urdf(source)
+
+
+def test_a_file_beyond_the_cap_is_refused(tmp_path):
+    path = tmp_path / "large.urdf"
+    with path.open("wb") as file:
+        file.truncate(64 * 2**20 + 1)  # sparse: it takes no room
+    with pytest.raises(RobotError, match="larger than 64 MB"):
+        read_urdf(path)
+
+
+def test_a_file_in_an_unknown_encoding_is_refused(tmp_path):
+    path = tmp_path / "r.urdf"
+    for content in (b'<?xml version="1.0" encoding="klingon"?><robot/>', b"<robot name='\xff\xfe'/>"):
+        path.write_bytes(content)
+        with pytest.raises(RobotError, match=r"r\.urdf"):
+            read_urdf(path)
+
+
+# Sizes
+
+
+def chain_text(length, kind="fixed"):
+    links = [f"l{i}" for i in range(length + 1)]
+    parts = [joint("j0", "l0", "l1")] + [joint(f"j{i}", links[i], links[i + 1], "", kind) for i in range(1, length)]
+    return robot(*parts, links=links)
+
+
+def test_the_longest_chain_that_is_accepted_loads_and_a_longer_one_is_refused():
+    """Pinocchio crashes on 5,000 links; on or beside the way to the tip makes no difference to it."""
+    made = mq.Robot.from_urdf(chain_text(500))
+    assert made.forward([0.0]).translation == pytest.approx([0, 0, 500])
+    for tip in (None, "l1"):
+        with pytest.raises(RobotError, match="longer than 500 links"):
+            read_urdf(chain_text(501), tip=tip)
+
+
+def test_a_hundred_thousand_links_are_refused():
+    with pytest.raises(RobotError, match="more than the 10000"):
+        read_urdf(robot(links=[str(i) for i in range(100_000)]))
+
+
+# Mimic joints
+
+
+def mimics(*pairs, lead=LIMIT, follow=LIMIT, lead_kind="revolute"):
+    """A robot a-b-c whose second joint mimics the first, with multiplier and offset."""
+    mimic = 'multiplier="{}" offset="{}"'.format(*pairs)
+    return robot(
+        joint("lead", "a", "b", lead, lead_kind), joint("follow", "b", "c", f'{follow}<mimic joint="lead" {mimic}/>')
+    )
+
+
+@pytest.mark.parametrize(
+    ("multiplier", "offset", "expected"),
+    [(1, 0, (-1, 2)), (2, 0, (-0.5, 1)), (-2, 0, (-1, 0.5)), (1, 1, (-1, 1)), (-1, 3, (1, 2)), (0.1, 0, (-1, 2))],
+)
+def test_the_leaders_limits_keep_the_follower_within_its_own(multiplier, offset, expected):
+    chain = read_urdf(mimics(multiplier, offset))
+    assert chain.joint_names == ("lead",)
+    assert (chain.lower[0], chain.upper[0]) == pytest.approx(expected)
+    assert chain.velocity[0] == min(3, 3 / abs(multiplier))
+
+
+def test_no_position_within_both_limits_is_refused():
+    with pytest.raises(RobotError, match="joint 'follow' mimics 'lead', but no position is within the limits of both"):
+        read_urdf(mimics(1, 5))
+
+
+def test_a_multiplier_of_zero_fixes_the_follower_at_its_offset():
+    made = mq.Robot.from_urdf(mimics(0, 0.5))
+    assert made.joint_names == ("lead",)
+    assert made.lower == -1
+    R = made.forward([0.25]).rotation
+    assert math.atan2(R[1, 0], R[0, 0]) == pytest.approx(0.75, abs=1e-15)
+
+
+def test_a_continuous_leader_takes_the_limits_of_its_follower():
+    chain = read_urdf(mimics(2, 0, lead="", lead_kind="continuous"))
+    assert (chain.lower[0], chain.upper[0]) == (-0.5, 1)
+    assert joint_elements(chain)["lead"].get("type") == "revolute"
+
+
+def test_a_follower_that_carries_its_leader_is_refused_with_the_way_out():
+    """Pinocchio computes leaders first; swapping the roles, as the message says, gives the same mechanism."""
+    text = robot(
+        joint("near", "a", "b", f'{LIMIT}<mimic joint="far" multiplier="2" offset="0.5"/>'), joint("far", "b", "c")
+    )
+    with pytest.raises(RobotError, match=r"let 'far' mimic 'near' \(multiplier 0.5, offset -0.25\)"):
+        read_urdf(text)
+
+
+def test_a_leader_that_cannot_lead_is_refused():
+    fixed = robot(joint("ab", "a", "b", "", "fixed"), joint("bc", "b", "c", f'{LIMIT}<mimic joint="ab"/>'))
+    with pytest.raises(RobotError, match="joint 'bc' mimics 'ab', which is fixed"):
+        read_urdf(fixed)
+    with pytest.raises(RobotError, match=r"joint 'lead' leads a mimic joint .* but stands before the base"):
+        read_urdf(mimics(1, 0), base="b")
+    unlimited = mimics(1, 0, lead="")
+    with pytest.raises(RobotError, match="joint 'lead' is revolute but has no limits"):
+        read_urdf(unlimited)
+
+
+def test_circles_of_mimics_are_seen_on_the_chain_and_beside_it():
+    circle = [
+        joint("one", "a", "b", f'{LIMIT}<mimic joint="two"/>'),
+        joint("two", "b", "c", f'{LIMIT}<mimic joint="one"/>'),
+    ]
+    for text, tip in ((robot(*circle), "c"), (robot(*circle, joint("ad", "a", "d"), links="abcd"), "d")):
+        with pytest.raises(RobotError, match="mimic each other in a circle"):
+            read_urdf(text, tip=tip)
+
+
+def test_a_follower_beside_the_chain_stands_where_its_resting_leader_puts_it():
+    text = robot(
+        joint("ab", "a", "b"),
+        joint("lead", "a", "c", '<limit lower="0.5" upper="1" velocity="1" effort="1"/>'),
+        joint("follow", "c", "d", f'{LIMIT}<mimic joint="lead" multiplier="2" offset="0.1"/>'),
+        links="abcd",
+    )
+    R = mq.Robot.from_urdf(text, tip="b").forward([0.0], "d").rotation
+    assert math.atan2(R[1, 0], R[0, 0]) == pytest.approx(0.5 + 1.1, abs=1e-15)
+
+
+def test_a_follower_beside_the_chain_may_have_its_leader_before_the_base():
+    text = robot(*TWO, joint("bd", "b", "d", f'{LIMIT}<mimic joint="ab" offset="0.25"/>'), links="abcd")
+    R = mq.Robot.from_urdf(text, tip="c", base="b").forward([0.0], "d").rotation
+    assert math.atan2(R[1, 0], R[0, 0]) == pytest.approx(0.25, abs=1e-15)
+
+
+def test_a_lost_leader_beside_the_chain_is_warned_about_only(caplog):
+    """As in a hand of a humanoid that is sold, whose arm is good."""
+    text = robot(*TWO, joint("bd", "b", "d", f'{LIMIT}<mimic joint="no" offset="0.25"/>'), links="abcd")
+    assert mq.Robot.from_urdf(text, tip="c").forward([0, 0], "d").rotation.tolist() == np.eye(3).tolist()
+    assert "bd" in caplog.text
+
+
+# Real robots
+
+
+def test_published_limits_are_read():
+    """UR10: ±2 pi, elbow ±pi; KUKA iiwa 14: ±170°, ±120°, flange ±175°."""
+    ur10 = load("ur10")
+    assert ur10.upper == pytest.approx([2 * pi, 2 * pi, pi, 2 * pi, 2 * pi, 2 * pi], abs=1e-3)
+    degrees = np.rad2deg(load("iiwa14_urdf").upper)
+    assert degrees == pytest.approx([170, 120, 170, 120, 170, 120, 175], abs=0.1)
+
+
+def test_loading_prints_nothing(capfd):
+    """Pinocchio and its parser are silent about real files, meshes or not."""
+    for name in ("pr2_arm", "tiago", "talos_finger", "kr210"):
+        mq.Robot.from_urdf(urdf_file(name), tip=load(name).tip)
+    assert capfd.readouterr() == ("", "")
