@@ -22,6 +22,10 @@ from maira_qp.apps.benchmark.statistics import Summary, summarise
 from maira_qp.robots.robot import Robot
 from maira_qp.solvers.options import Options
 
+MARKS = "osD^v"
+LEAST_ERROR = 1e-16
+"""Errors below this [m] are drawn here."""
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -35,7 +39,7 @@ class Comparison:
 def compare(
     robot: Robot,
     *,
-    targets: int = 300,
+    targets: int = 200,
     seed: int = 0,
     weights: Sequence[float] = (1e-3, 1e-6),
     backend: str = "daqp",
@@ -106,4 +110,41 @@ def table(comparison: Comparison) -> Table:
 
 def picture(comparison: Comparison, path: str | Path) -> None:
     """The comparison as a picture: success rates with their intervals, and pose error against posture cost."""
-    raise NotImplementedError
+    from maira_qp.apps import plots
+
+    made = plots.figure(1, 2, size=(13.0, 4.2))
+    rates, trade = made.axes
+    summaries, settings, options = comparison.summaries, comparison.plan.settings, comparison.plan.options
+    plots.success_bars(
+        rates,
+        {
+            f"within {options.position_tolerance:g} m,\n{options.orientation_tolerance:g} rad": {
+                s.method: (s.strict, s.count) for s in summaries
+            },
+            f"within {settings.loose_position:g} m,\n{settings.loose_orientation:g} rad": {
+                s.method: (s.loose, s.count) for s in summaries
+            },
+        },
+    )
+    rates.set_title(f"{comparison.plan.robot.name}: {settings.targets} random reachable poses")
+    for i, summary in enumerate(summaries):
+        rows = [row for row in comparison.rows if row["method"] == summary.method]
+        trade.plot(
+            [max(row["position_error"], LEAST_ERROR) for row in rows],
+            [row["posture_cost"] for row in rows],
+            linestyle="",
+            marker=MARKS[i % len(MARKS)],
+            markersize=4,
+            alpha=0.6,
+            color=plots.COLORS[i % 8],
+            label=summary.method,
+        )
+    trade.axvline(options.position_tolerance, color=plots.LIMIT_COLOR, linewidth=1, linestyle="--")
+    trade.set_xscale("log")
+    trade.set(xlabel="position error [m] (dashed: the tolerance)", ylabel="posture cost [rad²]")
+    trade.set_title("what each answer gives up: pose or posture")
+    trade.grid(True, color="#DDDDDD", linewidth=0.6)
+    trade.spines[["top", "right"]].set_visible(False)
+    rates.get_legend().remove()  # the same colours and names as on the right
+    trade.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
+    plots.save(made, path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from rich.table import Table
@@ -12,7 +13,7 @@ from rich.table import Table
 from maira_qp.apps.benchmark.records import jsonable
 from maira_qp.apps.benchmark.statistics import Summary
 
-OUT_OF_REACH = "out-of-reach"
+OUT_OF_REACH, NO_BACKEND = "out-of-reach", "-"
 
 
 def tables(summaries: Sequence[Summary]) -> list[Table]:
@@ -58,6 +59,26 @@ def _table(stratum: str, group: list[Summary]) -> Table:
             " / ".join(f"{1e3 * seconds:.2f}" for seconds in s.time),
         )
     return table
+
+
+def picture(summaries: Sequence[Summary], path: str | Path) -> None:
+    """Strict success rates with their intervals, a block a stratum; that out of reach only if there is no other."""
+    from maira_qp.apps import plots
+
+    groups = by_stratum(summaries)
+    shown = {stratum: group for stratum, group in groups.items() if stratum != OUT_OF_REACH} or groups
+    backends = {s.backend for s in summaries} - {NO_BACKEND}
+    counts = {
+        stratum: {_name(s, len(backends) > 1): (s.strict, s.count) for s in group} for stratum, group in shown.items()
+    }
+    bars = sum(len(group) for group in counts.values())
+    made = plots.figure(size=(8.0, 1.2 + 0.22 * bars))
+    plots.success_bars(made.axes[0], counts)
+    plots.save(made, path)
+
+
+def _name(summary: Summary, with_backend: bool) -> str:
+    return f"{summary.method}, {summary.backend}" if with_backend and summary.backend != NO_BACKEND else summary.method
 
 
 def percent(rate: float) -> str:

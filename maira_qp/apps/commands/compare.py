@@ -17,7 +17,7 @@ class Compare:
     """Solve random reachable poses with a weighted posture, a strict hierarchy and the plain DH-clamped reference."""
 
     choice: RobotFlags = field(default_factory=RobotChoice)
-    targets: int = 300
+    targets: int = 200
     """How many poses; > 0."""
     seed: int = 0
     """Seed of the poses and starts; >= 0."""
