@@ -45,16 +45,20 @@ def test_a_chain_goes_through_its_origins(space):
 
 
 def test_the_tool_axes_are_those_of_the_last_frame(space):
-    """Three short lines start at the tool, along its x, y and z; a target pose gets three of its own."""
+    """Three short lines start at the tool, along its x, y and z; a target pose gets three too, and all is in view."""
     htms = maira().compute_htms(np.full(7, 0.4))
     plots.draw_chain(space, htms)
     for line, direction in zip(space.lines[-3:], htms[-1, :3, :3].T, strict=True):
         ends = np.transpose(line.get_data_3d())
         np.testing.assert_allclose(ends[0], htms[-1, :3, 3])
         np.testing.assert_allclose((ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0]), direction, atol=1e-12)
-    before = len(space.lines)
+    before, low = len(space.lines), space.get_xlim()[0]
     plots.draw_chain(space, htms, target=np.eye(4), index=1)
     assert len(space.lines) == 2 * before + 4
+    shifted = htms.copy()
+    shifted[:, 0, 3] -= 5.0
+    plots.draw_chain(space, shifted)
+    assert space.get_xlim()[0] < low - 4.0
 
 
 def test_a_flat_and_a_tiny_chain_can_be_drawn(space):

@@ -90,9 +90,9 @@ def _draw_axes(ax: Any, T: np.ndarray, size: float) -> None:
 def _frame_space(ax: Any, reach: float | None) -> None:
     """Equal scales on the three axes, their names, few ticks."""
     if reach is None:
-        ax.autoscale(True)
-        low, high = np.array([ax.get_xlim(), ax.get_ylim(), ax.get_zlim()]).T
-        middle, half = (low + high) / 2, (high - low).max() / 2
+        drawn = np.concatenate([line.get_data_3d() for line in ax.lines], axis=1)
+        low, high = drawn.min(axis=1), drawn.max(axis=1)
+        middle, half = (low + high) / 2, 0.52 * (high - low).max()
         ax.set(**{f"{axis}lim": (m - half, m + half) for axis, m in zip("xyz", middle, strict=True)})
     else:
         ax.set(xlim=(-reach, reach), ylim=(-reach, reach), zlim=(-0.5 * reach, 1.5 * reach))
