@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -31,8 +31,12 @@ ACCURATE: Mapping[str, Mapping[str, Any]] = MappingProxyType(
 )
 """Settings of each backend for residuals of about 1e-8 or below on a QP of size 1."""
 
+FAR = 1e8
+"""A box bound beyond this, on a QP of size 1, is left out at first, and put in only if the solution breaks it: some
+backends return zero where bounds are so large."""
+
 INFINITE = 1e20
-"""A bound beyond this, on a QP of size 1, is none."""
+"""A row's bound beyond this, on a QP of size 1, is none."""
 
 
 def available() -> tuple[str, ...]:
@@ -64,21 +68,29 @@ class Backend:
         if not qp.is_well_posed():
             return _nothing(qp, "the QP holds NaN or an empty interval")
         unit, step, force = _unit_size(qp)
+        near = _without_far_bounds(unit)
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # backends warn of what the status says
-                answer = qpsolvers.solve_problem(self._problem(unit), self.name, **self.settings)
+            answer = self._answer(near)
+            if near is not unit and answer.found and np.abs(answer.x).max() > FAR:
+                answer = self._answer(unit)
         except Exception as reason:  # whatever a backend raises, its QP was not solved
             return _nothing(qp, f"{self.name}: {reason}")
         if not answer.found or answer.x is None or not np.isfinite(answer.x).all():
             return _nothing(qp, f"{self.name} did not converge")
+        z_box = force * _or_zeros(answer.z_box, len(qp.c))
+        z_box[(z_box > 0) & np.isinf(qp.upper) | (z_box < 0) & np.isinf(qp.lower)] = 0.0
         return QPSolution(
             qp,
             found=True,
             x=np.clip(step * answer.x, qp.lower, qp.upper),
             z=force * _or_zeros(answer.z, len(qp.h)),
-            z_box=force * _or_zeros(answer.z_box, len(qp.c)),
+            z_box=z_box,
         )
+
+    def _answer(self, qp: QP) -> qpsolvers.Solution:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # backends warn of what the status says
+            return qpsolvers.solve_problem(self._problem(qp), self.name, **self.settings)
 
     def _problem(self, qp: QP) -> qpsolvers.Problem:
         H, G, h = qp.H, (qp.G if len(qp.h) else None), (qp.h if len(qp.h) else None)
@@ -97,10 +109,15 @@ def _unit_size(qp: QP) -> tuple[QP, float, float]:
         hessian = force = step = 1.0
     with np.errstate(over="ignore"):
         lower, upper, h = qp.lower / step, qp.upper / step, qp.h / step
-    lower = np.where(lower < -INFINITE, -np.inf, lower)
-    upper = np.where(upper > INFINITE, np.inf, upper)
-    unit = QP(qp.H / hessian, qp.c / force, lower, upper, qp.G, np.minimum(h, INFINITE))
-    return unit, step, force
+    return QP(qp.H / hessian, qp.c / force, lower, upper, qp.G, np.minimum(h, INFINITE)), step, force
+
+
+def _without_far_bounds(unit: QP) -> QP:
+    """The QP without the bounds beyond `FAR`; the same QP if it has none."""
+    low, high = unit.lower < -FAR, unit.upper > FAR
+    if not (low.any() or high.any()):
+        return unit
+    return replace(unit, lower=np.where(low, -np.inf, unit.lower), upper=np.where(high, np.inf, unit.upper))
 
 
 def _or_zeros(multipliers: np.ndarray | None, size: int) -> np.ndarray:
