@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from math import pi, radians
 
 from maira_qp.robots.dh import DHLink, DHTable
@@ -28,19 +30,18 @@ def iiwa14() -> DHTable:
     return _arm("iiwa14", d, alpha, limit, speed, torque)
 
 
-def _arm(name, d, alpha, limit, speed=None, torque=None) -> DHTable:
+def _arm(
+    name: str,
+    d: Sequence[float],
+    alpha: Sequence[float],
+    limit: Sequence[float],
+    speed: Sequence[float] | None = None,
+    torque: Sequence[float] | None = None,
+) -> DHTable:
     """A chain of revolute links with a = 0; limits and speeds in degrees (and per second)."""
-    return DHTable(
-        [
-            DHLink(
-                d=d[i],
-                alpha=alpha[i],
-                lower=-radians(limit[i]),
-                upper=radians(limit[i]),
-                **({} if speed is None else {"velocity": radians(speed[i])}),
-                **({} if torque is None else {"effort": float(torque[i])}),
-            )
-            for i in range(len(d))
-        ],
-        name=name,
-    )
+    links = [DHLink(d=d[i], alpha=alpha[i], lower=-radians(limit[i]), upper=radians(limit[i])) for i in range(len(d))]
+    if speed is not None:
+        links = [replace(link, velocity=radians(value)) for link, value in zip(links, speed, strict=True)]
+    if torque is not None:
+        links = [replace(link, effort=float(value)) for link, value in zip(links, torque, strict=True)]
+    return DHTable(links, name=name)

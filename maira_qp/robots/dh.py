@@ -25,7 +25,7 @@ from maira_qp.orientation import orientation_error
 if sys.version_info >= (3, 11):
     import tomllib
 else:
-    import tomli as tomllib
+    import tomli as tomllib  # pyright: ignore[reportMissingImports]
 
 JointKind = Literal["revolute", "prismatic", "continuous", "fixed"]
 KINDS: tuple[str, ...] = ("revolute", "prismatic", "continuous", "fixed")
@@ -200,7 +200,7 @@ class DHTable:
         return np.hstack([linear, angular]).T
 
     def finite_difference_jacobian(self, q: np.ndarray, step: float = 1e-6) -> np.ndarray:
-        """The same Jacobian (6, n) by central differences of the forward kinematics; error about step^2 + 1e-16/step."""
+        """The same Jacobian (6, n) by central differences of `forward`; error about step^2 + 1e-16/step."""
         q = real_array(q, (self.n,), "q", ConfigurationError)
         if not (_is_number(step) and 0 < step < 1):
             raise ConfigurationError(f"the finite-difference step must be between 0 and 1, got {step!r}")

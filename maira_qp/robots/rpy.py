@@ -40,7 +40,7 @@ def rpy_from_matrix(R: np.ndarray) -> np.ndarray:
     rotation matrix", 1999, names the ambiguity).
     """
     yaw = math.atan2(R[1, 0], R[0, 0])
-    c, s = math.cos(yaw), math.sin(yaw)
+    c, s = cosine_sine(yaw)
     pitch = math.atan2(-R[2, 0], c * R[0, 0] + s * R[1, 0])
     roll = math.atan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1])
     return np.array([roll, pitch, yaw]) + 0.0  # no -0.0

@@ -145,12 +145,10 @@ def _link_body(element: Element, table: DHTable, i: int, radius: float) -> None:
         _ball(element, "visual", 1.3 * radius)
         _rod(element, "visual", "dark", "z", -1.45 * radius, 1.45 * radius, 0.7 * radius)
     for k, (axis, begin, end, height) in enumerate(rods):
-        margin = 2.0 * radius
-        forward = math.copysign(1.0, end - begin)
-        near = begin + forward * margin if k == 0 and link.kind in ("revolute", "continuous") else begin
-        far = end - forward * margin if k == len(rods) - 1 and next_moves else end
-        if forward * (far - near) > 0:
-            _rod(element, "collision", "shell", axis, near, far, radius, height)
+        margin = math.copysign(min(2.0 * radius, 0.4 * abs(end - begin)), end - begin)
+        near = begin + margin if k == 0 and link.kind in ("revolute", "continuous") else begin
+        far = end - margin if k == len(rods) - 1 and next_moves else end
+        _rod(element, "collision", "shell", axis, near, far, radius, height)
     if moves and i > 0 and (table.links[i - 1].d or table.links[i - 1].a):
         _ball(element, "collision", 1.3 * radius)
 

@@ -28,6 +28,8 @@ def xml_root(source: str | os.PathLike[str]) -> ElementTree.Element:
         text = source.lstrip("\ufeff \t\r\n")
         if text.startswith("<"):
             skipped = source[: len(source) - len(text)].count("\n")
+            if len(text) > MAX_BYTES:
+                raise RobotError(f"the XML text is larger than {MAX_BYTES >> 20} MB")
             try:
                 return _parse(text.encode("utf-8"), "XML text", skipped, encoding="utf-8")
             except UnicodeEncodeError as reason:
@@ -37,16 +39,14 @@ def xml_root(source: str | os.PathLike[str]) -> ElementTree.Element:
     content = _read(source)
     body = content.removeprefix(b"\xef\xbb\xbf")
     start = body.lstrip(b" \t\r\n")
-    return _parse(start, f"{Path(source).name}", body[: len(body) - len(start)].count(b"\n"))
+    return _parse(start, Path(source).name, body[: len(body) - len(start)].count(b"\n"))
 
 
 def _read(path: str | os.PathLike[str]) -> bytes:
     """The content of a regular file; a pipe or a device is refused without waiting for it."""
     shown = repr(str(path)) if len(str(path)) <= 200 else f"{str(path)[:200]!r}..."
-    try:
-        descriptor = os.open(
-            path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC
-        )  # a FIFO opens at once, and is seen below
+    try:  # without O_NONBLOCK a pipe would wait for its writer
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except (OSError, ValueError) as reason:
         why = getattr(reason, "strerror", None) or str(reason)
         raise RobotError(f"cannot open the robot description {shown}: {why} (XML text would start with '<')") from None
