@@ -38,7 +38,7 @@ def joints(text):
 
 
 def test_the_file_at_the_root_is_up_to_date():
-    """Remake it with `maira-qp urdf maira` when the table or the writer changes."""
+    """Remake it with `maira-qp urdf --output maira.urdf` when the table or the writer changes."""
     path = Path(__file__).parent.parent / "maira.urdf"
     assert path.read_text(encoding="utf-8") == urdf_text(catalog.maira())
 

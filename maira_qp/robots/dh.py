@@ -125,7 +125,10 @@ class DHTable:
         Raises `RobotError` if the file is not such a table, `OSError` if it cannot be read.
         """
         path = Path(path)
-        text = path.read_text(encoding="utf-8")
+        try:
+            text = path.read_text(encoding="utf-8")
+        except UnicodeDecodeError as reason:
+            raise RobotError(f"{path.name} is not UTF-8 text: {reason}") from None
         try:
             if path.suffix.lower() == ".toml":
                 content = tomllib.loads(text)
@@ -133,7 +136,7 @@ class DHTable:
                 content = yaml.safe_load(text)
             else:
                 raise RobotError(f"{path.name}: a DH file ends in .toml, .yaml or .yml")
-        except (tomllib.TOMLDecodeError, yaml.YAMLError) as reason:
+        except (tomllib.TOMLDecodeError, yaml.YAMLError, RecursionError) as reason:
             raise RobotError(f"{path.name} cannot be parsed: {reason}") from None
         if not isinstance(content, dict) or not isinstance(content.get("links"), list):
             raise RobotError(f"{path.name}: needs a list `links`, one entry a link")
