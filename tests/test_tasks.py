@@ -1,0 +1,113 @@
+"""Pose tasks: error, Jacobian, weights, and the exactness of the cost's derivatives."""
+
+import numpy as np
+import pytest
+from conftest import load
+from derivatives import assert_close, difference_gradient, difference_jacobian
+
+import maira_qp as mq
+from maira_qp.errors import OptionError, PoseError
+from maira_qp.problem.costs import ExactTaskCost, TaskCost, WeightedCost
+from maira_qp.solvers.solver import Solver
+
+ROBOTS = ["maira", "panda", "pr2_arm", "tiago", "ur5", "talos_finger"]
+TASKS = [
+    mq.PoseTask(),
+    mq.PositionTask(),
+    mq.OrientationTask(),
+    mq.PoseTask(position_weight=0.5, orientation_weight=3.0),
+]
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def robot(request) -> mq.Robot:
+    return mq.Robot.maira() if request.param == "maira" else load(request.param)
+
+
+@pytest.mark.parametrize("task", TASKS, ids=lambda task: type(task).__name__)
+def test_the_gradient_is_that_of_the_true_cost_at_any_error(robot, task, rng):
+    """`c = -J^T W^2 e` against differences of `1/2 |W e|^2`, targets near and far, the orientation off by up to pi."""
+    for _ in range(10):
+        target = robot.forward(robot.random_configuration(rng))
+        cost = TaskCost((task.toward(target),))
+        q = robot.random_configuration(rng)
+        assert_close(cost.level(robot.at(q)).c, difference_gradient(lambda q, c=cost: c.value(robot.at(q)), q), 1e-6)
+
+
+@pytest.mark.parametrize("task", TASKS, ids=lambda task: type(task).__name__)
+def test_the_jacobian_is_minus_the_errors_derivative_at_the_target(robot, task, rng):
+    for _ in range(5):
+        q = robot.random_configuration(rng)
+        bound = task.toward(robot.forward(q))
+        moved = difference_jacobian(lambda q, t=bound: t.error(robot.at(q)), q)
+        assert_close(bound.jacobian(robot.at(q)), -moved, 1e-7)
+
+
+@pytest.mark.parametrize("task", TASKS, ids=lambda task: type(task).__name__)
+def test_the_exact_hessian_is_the_derivative_of_the_gradient(robot, task, rng):
+    for _ in range(5):
+        tasks = TaskCost((task.toward(robot.forward(robot.random_configuration(rng))),))
+        q = robot.random_configuration(rng)
+        H = ExactTaskCost(tasks).hessian(robot.at(q))
+        assert_close(H, difference_jacobian(lambda q, t=tasks: t.level(robot.at(q)).c, q), 1e-5)
+
+
+def test_the_weighted_cost_is_the_sum_and_its_gradient_too(robot, rng):
+    objective = mq.Posture().of(robot)
+    tasks = TaskCost((mq.PoseTask(target=robot.forward(robot.random_configuration(rng))),))
+    cost = WeightedCost(tasks, objective, 0.3)
+    q = robot.random_configuration(rng)
+    at = robot.at(q)
+    assert cost.value(at) == pytest.approx(tasks.value(at) + 0.3 * objective.cost(at))
+    assert_close(cost.level(at).c, difference_gradient(lambda q: cost.value(robot.at(q)), q), 1e-6)
+    assert np.linalg.eigvalsh(cost.level(at).H).min() > 0
+
+
+def test_several_tasks_stack(maira, rng):
+    q, goal = maira.random_configuration(rng), maira.random_configuration(rng)
+    tip = mq.PoseTask(target=maira.forward(goal))
+    elbow = mq.PositionTask(frame="link4", target=maira.forward(goal, "link4"))
+    both, at = TaskCost((tip, elbow)), maira.at(q)
+    assert both.value(at) == pytest.approx(TaskCost((tip,)).value(at) + TaskCost((elbow,)).value(at))
+    assert both.level(at).rows.shape == (9, 7)
+    assert_close(both.level(at).c, difference_gradient(lambda q: both.value(maira.at(q)), q), 1e-6)
+
+
+def test_the_residual_is_in_metres_and_radians_whatever_the_weights(maira):
+    target = mq.pose([0.3, 0, 0.4], quaternion=[np.cos(0.1), 0, 0, np.sin(0.1)]) * maira.forward(np.zeros(7))
+    at = maira.at(np.zeros(7))
+    position, orientation = mq.PoseTask(target=target, position_weight=7.0).residual(at)
+    assert orientation == pytest.approx(0.2)
+    assert position == pytest.approx(np.linalg.norm(target.translation - maira.forward(np.zeros(7)).translation))
+    assert mq.PositionTask(target=target).residual(at) == (pytest.approx(position), 0.0)
+    assert mq.OrientationTask(target=target).residual(at) == (0.0, pytest.approx(0.2))
+
+
+@pytest.mark.parametrize("weight", [0, -1, np.nan, np.inf, "2", None])
+def test_a_weight_is_a_positive_number(weight):
+    with pytest.raises(OptionError, match="position_weight"):
+        mq.PoseTask(position_weight=weight)
+    with pytest.raises(OptionError, match="orientation_weight"):
+        mq.OrientationTask(orientation_weight=weight)
+
+
+def test_a_target_of_its_own_is_checked_and_kept(maira):
+    with pytest.raises(PoseError):
+        mq.PoseTask(target=np.zeros((4, 4)))
+    own = mq.PoseTask(target=np.eye(4))
+    assert own.toward(maira.forward(np.zeros(7))) is own
+
+
+def test_position_and_orientation_can_be_asked_for_alone(maira, rng):
+    for task, free in ((mq.PositionTask(), "orientation"), (mq.OrientationTask(), "position")):
+        solver = Solver(maira, task=task)
+        for k in range(10):
+            target = maira.forward(maira.random_configuration(rng))
+            s = solver.solve(target, rng=k)
+            assert s.success
+            assert getattr(s, f"{free}_error") == 0.0
+            found = maira.forward(s.q)
+            if free == "orientation":
+                assert np.linalg.norm(found.translation - target.translation) <= 1e-6
+            else:
+                assert np.abs(found.rotation - target.rotation).max() <= 1e-6
