@@ -21,7 +21,7 @@ from maira_qp.solvers.options import Options
 
 def small_plan(robot, **changes):
     """Few targets, two quick methods."""
-    chosen = {"methods": ("dh-clamped", "pose"), "strata": ("uniform", "out-of-reach"), "targets": 3} | changes
+    chosen = {"methods": ("newton", "pose"), "strata": ("uniform", "out-of-reach"), "targets": 3} | changes
     return plan(robot, Settings(**chosen), Options(max_restarts=2))
 
 
@@ -36,7 +36,7 @@ def test_a_row_for_each_question(maira, tmp_path):
     told = []
     rows = run(made, tmp_path / "rows.jsonl", told.append)
     keys = [(row["stratum"], row["index"], row["method"]) for row in rows]
-    assert keys == [(s, i, m) for s in ("uniform", "out-of-reach") for i in range(3) for m in ("dh-clamped", "pose")]
+    assert keys == [(s, i, m) for s in ("uniform", "out-of-reach") for i in range(3) for m in ("newton", "pose")]
     assert told == list(range(made.rows + 1))
     lines = (tmp_path / "rows.jsonl").read_text().splitlines()
     assert [json.loads(line) for line in lines[1:]] == rows
@@ -79,7 +79,7 @@ def test_a_killed_process_loses_no_whole_row(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "changes", [{"seed": 1}, {"targets": 4}, {"methods": ("pose",)}, {"weight": 0.5}, {"loose_position": 2e-3}]
+    "changes", [{"seed": 1}, {"targets": 4}, {"methods": ("pose",)}, {"weight": 0.5}, {"loose_position": 3e-3}]
 )
 def test_other_settings_are_refused(maira, tmp_path, changes):
     """Rows of other settings are not mixed: the error names what differs, and the file is left as it was."""

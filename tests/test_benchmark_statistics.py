@@ -73,6 +73,7 @@ def test_summary_counts():
     first, second = summarise(rows)
     assert (first.method, first.count, first.strict, first.loose) == ("strict", 4, 1, 2)
     assert (first.false_claims, first.violations) == (1, 2)
+    assert first.statuses == {"CONVERGED": 4}
     assert first.worst_violation == math.inf
     assert first.position_error == (1e-9, math.inf)
     assert first.posture_cost == 3.0  # what is not at the target has no posture worth counting

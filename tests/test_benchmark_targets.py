@@ -104,14 +104,14 @@ def test_nothing_reaches_beyond_the_reach(maira, iiwa14, offset_arm):
         DHTable([DHLink(kind="prismatic", lower=-0.2, upper=0.6, alpha=0.7), DHLink(a=0.3), DHLink(a=0.2, d=0.1)])
     )
     for robot in (maira, iiwa14, offset_arm, sliding):
-        centre, reach = source_of(robot).reach()
+        centre, reach = source_of(robot).reach
         distances = [
             np.linalg.norm(robot.forward(robot.random_configuration(rng)).translation - centre) for _ in range(2000)
         ]
         assert max(distances) <= reach
         assert max(distances) > 0.8 * reach
     for robot in (maira, iiwa14):
-        centre, reach = source_of(robot).reach()
+        centre, reach = source_of(robot).reach
         assert np.linalg.norm(robot.forward(np.zeros(7)).translation - centre) == pytest.approx(reach, abs=1e-12)
 
 
@@ -119,7 +119,7 @@ def test_out_of_reach_is_just_out_of_reach(maira, offset_arm):
     """The target lies beyond the bound by the margin; on MAIRA the stretched arm comes to within the margin of it."""
     for robot in (maira, offset_arm):
         source = source_of(robot)
-        centre, reach = source.reach()
+        centre, reach = source.reach
         for index in range(10):
             target = source.target("out-of-reach", index, seed=2)
             assert not target.reachable

@@ -192,7 +192,7 @@ def test_an_orientation_file_with_a_position(run, tmp_path):
 
 
 def test_redundancy_flags(run):
-    """Strict reaches the pose at a lower posture cost than no wish does; weighted trades the pose for it and ends in 1."""
+    """Strict reaches the pose at a lower posture cost than no wish does; weighted trades the pose away, ending in 1."""
     at = ("solve", "--position", -0.4, 0, 0.5, "--q0", *[0.5] * 7, "--json")
     q = {}
     for redundancy, code in (("none", 0), ("strict", 0), ("weighted", 1)):

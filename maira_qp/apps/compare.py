@@ -15,7 +15,7 @@ from typing import Any
 from rich.table import Table
 
 from maira_qp.apps.benchmark.methods import qp_method
-from maira_qp.apps.benchmark.report import percent, short
+from maira_qp.apps.benchmark.report import legend, percent, short
 from maira_qp.apps.benchmark.runner import Plan, measure, plan
 from maira_qp.apps.benchmark.settings import Settings
 from maira_qp.apps.benchmark.statistics import Summary, summarise
@@ -72,11 +72,7 @@ def table(comparison: Comparison) -> Table:
         title=f"{robot.name}: {settings.targets} random reachable poses, from the same random starts",
         title_justify="left",
         title_style="bold",
-        caption=(
-            f"solved: within {options.position_tolerance:g} m, {options.orientation_tolerance:g} rad, inside the limits"
-            f"\nloosely: within {settings.loose_position:g} m, {settings.loose_orientation:g} rad, inside the limits"
-            "\nposture cost: 1/2 |q - middle|^2, mean over the loosely solved"
-        ),
+        caption=f"{legend(settings, options)}\nposture cost: 1/2 |q - middle|^2, mean over the loosely solved",
         caption_justify="left",
     )
     made.add_column("method")
@@ -145,6 +141,6 @@ def picture(comparison: Comparison, path: str | Path) -> None:
     trade.set_title("what each answer gives up: pose or posture")
     trade.grid(True, color="#DDDDDD", linewidth=0.6)
     trade.spines[["top", "right"]].set_visible(False)
-    rates.get_legend().remove()  # the same colours and names as on the right
+    rates.legend().remove()  # the same colours and names as on the right
     trade.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
     plots.save(made, path)

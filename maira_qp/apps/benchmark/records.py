@@ -130,7 +130,7 @@ def jsonable(value: Any) -> Any:
 
 
 def write_csv(path: str | Path, rows: Iterable[Mapping[str, Any]]) -> None:
-    """The rows as a table of comma-separated values, whole or not at all; a vector is one cell, blanks between."""
+    """The rows as a table of comma-separated values, whole or not at all; a vector is one cell."""
     rows = list(rows)
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
@@ -157,4 +157,6 @@ def replace_text(path: str | Path, text: str) -> None:
 
 
 def _cell(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return " ".join(f"{key}={entry}" for key, entry in value.items())
     return " ".join(repr(entry) for entry in value) if isinstance(value, (list, tuple)) else value

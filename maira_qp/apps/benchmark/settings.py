@@ -29,9 +29,9 @@ class Settings:
     """Seed of the targets and starts; >= 0."""
     weight: float = 1e-3
     """What the posture counts in the method `weighted`; > 0."""
-    loose_position: float = 1e-3
+    loose_position: float = 1e-2
     """The loose tolerance [m]; > 0. The strict ones are the solver's own."""
-    loose_orientation: float = 1e-3
+    loose_orientation: float = 1e-2
     """The loose tolerance [rad]; > 0."""
 
     def __post_init__(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -53,6 +54,8 @@ class Summary:
     """Wilson's 95 % interval of the strict success rate."""
     false_claims: int
     """Answers that claimed success to the method's own tolerance, and the judge disagrees."""
+    statuses: dict[str, int]
+    """How many answers ended in each status, in the method's own words, the most frequent first."""
     violations: int
     """Answers with a joint outside of its limits."""
     worst_violation: float
@@ -102,6 +105,7 @@ def _summary(stratum: str, method: str, backend: str, rows: list[Mapping[str, An
         loose=sum(row["loose"] for row in rows),
         interval=wilson_interval(strict, len(rows)),
         false_claims=sum(row["claimed"] and not row["confirmed"] for row in rows),
+        statuses=dict(Counter(row["status"] for row in rows).most_common()),
         violations=sum(row["limit_violation"] != 0 for row in rows),
         worst_violation=float(measured("limit_violation").max()),
         position_error=_median_and_max(measured("position_error")),

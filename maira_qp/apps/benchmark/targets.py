@@ -13,8 +13,8 @@ reachable target has a solution inside the limits that owes nothing to a solver.
   are as parallel as they can be, near mid-range where several values do. A six-joint arm loses a direction there; a
   seven-joint arm keeps it by its elbow.
 - out-of-reach: each joint in turn is set so that the tool is as far as it can be from the arm's centre, and the tool is
-  then pushed outwards to 0.01 m beyond a bound that no configuration exceeds: the sum of the lengths between the
-  joints. An arm without lateral offsets reaches that bound; for others the target is a little further away.
+  then pushed outwards to 0.01 m beyond a bound that no configuration exceeds (reach.py). An arm without lateral offsets
+  attains that bound; for others the target is a little further away.
 """
 
 from __future__ import annotations
@@ -23,10 +23,12 @@ import math
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from maira_qp.apps.benchmark.judge import Judge
+from maira_qp.apps.benchmark.reach import reach
 from maira_qp.apps.benchmark.settings import STRATA
 from maira_qp.errors import OptionError, listed
 from maira_qp.robots.robot import Robot
@@ -79,7 +81,7 @@ class TargetSource:
             return "no turning joint between shoulder and wrist"
         if stratum == "aligned-wrist" and not self._has_wrist():
             return "the arm does not end in three turning joints after three others"
-        if stratum == "out-of-reach" and not math.isfinite(self.reach()[1]):
+        if stratum == "out-of-reach" and not math.isfinite(self.reach[1]):
             return "the reach has no bound"
         return None
 
@@ -96,33 +98,10 @@ class TargetSource:
         q = self._draws()[stratum](q, rng)
         return Target(stratum, index, self.judge.forward(q), start, q, (*stream, 1))
 
+    @cached_property
     def reach(self) -> tuple[np.ndarray, float]:
-        """A centre (3,) in the base and a distance [m] from it that the tool cannot exceed in any configuration.
-
-        Between one moving joint and the next lies a rigid body, however many fixed joints it has; the lengths of these
-        bodies add up to at most the sum (triangle inequality), and a sliding joint adds the farthest that it slides.
-        The first joint only turns the second about its own axis: the centre is on that axis.
-        """
-        bodies: list[np.ndarray] = [np.eye(4)]  # from one moving joint to the next, the first from the base
-        moving = []
-        for joint in self.judge.path:
-            bodies[-1] = bodies[-1] @ joint.origin
-            if joint.driver is not None:
-                moving.append(joint)
-                bodies.append(np.eye(4))
-        first, arm = moving[0], bodies[1][:3, 3]
-        slides = [self._slide(joint) if joint.sliding else (0.0, 0.0) for joint in moving]
-        along = sum(slides[0]) / 2 if first.sliding else float(first.axis @ arm)
-        length = np.linalg.norm(arm) if first.sliding else np.linalg.norm(arm - along * first.axis)
-        length += (slides[0][1] - slides[0][0]) / 2
-        length += sum(np.linalg.norm(body[:3, 3]) for body in bodies[2:])
-        length += sum(max(abs(low), abs(high)) for low, high in slides[1:])
-        return bodies[0][:3, 3] + bodies[0][:3, :3] @ (along * first.axis), float(length)
-
-    def _slide(self, joint) -> tuple[float, float]:
-        """The least and the greatest value of a sliding joint [m], of a mimic joint too."""
-        ends = [joint.multiplier * bound[joint.driver] + joint.offset for bound in (self._low, self._high)]
-        return min(ends), max(ends)
+        """A centre (3,) in the base and a distance [m] from it that the tool exceeds in no configuration."""
+        return reach(self.judge.path, self._low, self._high)
 
     def _draws(self) -> dict[str, Callable[[np.ndarray, np.random.Generator], np.ndarray]]:
         """How each reachable stratum makes its configuration (n,) from a uniform one."""
@@ -186,7 +165,7 @@ class TargetSource:
 
     def _pushed_out(self, q: np.ndarray) -> np.ndarray:
         """A pose (4, 4) beyond the reach, in the direction in which the arm is stretched from q (n,)."""
-        centre, reach = self.reach()
+        centre, reach = self.reach
 
         def distance(q: np.ndarray) -> float:
             return float(np.sum((self.judge.forward(q)[:3, 3] - centre) ** 2))

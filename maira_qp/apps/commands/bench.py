@@ -33,7 +33,7 @@ class Bench:
     def run(self) -> int:
         """Runs, or goes on with, the benchmark and reports; 0."""
         from maira_qp.apps.benchmark.records import write_csv
-        from maira_qp.apps.benchmark.report import flat, picture, tables
+        from maira_qp.apps.benchmark.report import flat, legend, picture, tables
         from maira_qp.apps.benchmark.runner import plan, run
         from maira_qp.apps.benchmark.statistics import summarise
         from maira_qp.apps.commands.output import console, print_json, progress_bar
@@ -58,6 +58,7 @@ class Bench:
             out = console()
             for table in tables(summaries):
                 out.print(table)
+            out.print(legend(self.settings, self.options))
             for note in made.notes:
                 out.print(note)
             out.print(f"rows, summary and picture: {self.output}")

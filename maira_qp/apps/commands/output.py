@@ -23,7 +23,7 @@ from maira_qp.errors import ConfigurationError
 if TYPE_CHECKING:
     from maira_qp.robots.robot import Robot
 
-WIDTH_OF_FILES = 150
+WIDTH_OF_FILES = 160
 """Columns of a table that goes into a file or a pipe, where no terminal tells."""
 
 

@@ -1,0 +1,40 @@
+"""How often each method finds a pose, how exactly and how fast: `python benchmarks/success_rate.py`.
+
+Two studies on MAIRA: every method on every kind of target, and the solver by every installed QP backend on random
+targets. The summaries are written beside this script, the rows to `output/`; a run that was stopped goes on.
+"""
+
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress
+
+import maira_qp as mq
+from maira_qp.apps.benchmark.records import replace_text, write_csv
+from maira_qp.apps.benchmark.report import flat, legend, picture, tables
+from maira_qp.apps.benchmark.runner import plan, run
+from maira_qp.apps.benchmark.settings import Settings
+from maira_qp.apps.benchmark.statistics import summarise
+from maira_qp.problem.backends import available
+
+STUDIES = {
+    "methods": Settings(targets=100),
+    "backends": Settings(methods=("pose", "strict"), backends=available(), strata=("uniform",), targets=300),
+}
+HERE = Path(__file__).parent
+
+for name, settings in STUDIES.items():
+    study = plan(mq.Robot.maira(), settings, mq.Options())
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(f"{name}: {study.rows} answers", total=study.rows)
+        rows = run(
+            study, f"output/benchmarks/{name}.jsonl", lambda done, task=task, bar=bar: bar.update(task, completed=done)
+        )
+    summaries = summarise(rows)
+    console = Console(record=True, width=160, highlight=False)
+    for table in tables(summaries):
+        console.print(table)
+    console.print(legend(settings, mq.Options()))
+    replace_text(HERE / f"success_rate_{name}.txt", console.export_text())
+    write_csv(HERE / f"success_rate_{name}.csv", [flat(summary) for summary in summaries])
+    picture(summaries, HERE / f"success_rate_{name}.png")
