@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 from PIL import Image
@@ -25,7 +26,7 @@ COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#00
 """Okabe and Ito, "Color universal design", 2008; their yellow darkened, to be seen on white."""
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (1, 1)), (0, (3, 3)))
 LIMIT_COLOR = "#555555"
-GIF_SIZE, GIF_DPI, GIF_COLORS = (4.6, 4.4), 80, 32
+GIF_SIZE, GIF_DPI = (4.6, 4.4), 80
 
 
 def figure(rows: int = 1, columns: int = 1, *, size: tuple[float, float] | None = None, space: bool = False) -> Figure:
@@ -97,7 +98,8 @@ def _frame_space(ax: Any, reach: float | None) -> None:
     else:
         ax.set(xlim=(-reach, reach), ylim=(-reach, reach), zlim=(-0.5 * reach, 1.5 * reach))
     ax.set_box_aspect((1, 1, 1))
-    ax.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    for axis, name in zip((ax.set_xlabel, ax.set_ylabel, ax.set_zlabel), "xyz", strict=True):
+        axis(f"{name} [m]", labelpad=8)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
         axis.set_major_locator(MaxNLocator(4))
 
@@ -117,15 +119,21 @@ def animate_chain(
     points = [np.asarray(h)[:, :3, 3] for h in frames] + [np.reshape(_point(t), (1, 3)) for t in targets]
     reach = 1.02 * max(_reach(p) for p in points)
     made = figure(size=GIF_SIZE, space=True)
+    made.set_layout_engine("none")
+    made.set_dpi(GIF_DPI)
+    canvas, ax, palette = FigureCanvasAgg(made), made.axes[0], _palette()
+    ax.set_position((0.0, 0.07, 0.9, 0.96))  # the layout engine leaves no room for the names of slanted axes
     images, start = [], 0
     for k, (htms, target) in enumerate(zip(frames, targets, strict=True)):
         if k and not np.array_equal(target, targets[k - 1]):
             start = k
         trail = np.array([frames[i][-1][:3, 3] for i in range(start, k + 1)])
-        ax = made.axes[0]
-        ax.clear()
+        for line in list(ax.lines):
+            line.remove()
         draw_chain(ax, htms, target=target, trail=trail, reach=reach)
-        images.append(_image(made))
+        canvas.draw()
+        picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+        images.append(picture.quantize(palette=palette, dither=Image.Dither.NONE))
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     images[0].save(path, save_all=True, append_images=images[1:], duration=round(1000 / rate), loop=0, optimize=True)
@@ -143,13 +151,13 @@ def _reach(points: np.ndarray) -> float:
     return float(max(np.abs(x).max(), np.abs(y).max(), z.max() / 1.5, -z.min() / 0.5, 1e-3))
 
 
-def _image(made: Figure) -> Image.Image:
-    """The figure drawn as a picture of few colours, which a GIF stores small."""
-    canvas = FigureCanvasAgg(made)
-    made.set_dpi(GIF_DPI)
-    canvas.draw()
-    picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
-    return picture.quantize(GIF_COLORS, dither=Image.Dither.NONE)
+def _palette() -> Image.Image:
+    """The few colours of the film, each in steps towards white: a GIF stores them small, and all frames alike."""
+    steps = {color: 8 for color in COLORS[:3]} | {"black": 40}  # fine greys: no wall may take on a tint
+    shades = [np.linspace(to_rgb(color), (1.0, 1.0, 1.0), count) for color, count in steps.items()]
+    palette = Image.new("P", (1, 1))
+    palette.putpalette((255 * np.concatenate(shades)).round().astype(np.uint8).tobytes())
+    return palette
 
 
 def tradeoff_curve(
