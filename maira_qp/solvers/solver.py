@@ -109,11 +109,12 @@ class Solver:
             q0: start (n,) [rad or m]; None: a random one. A start outside the limits is moved onto them.
             rng: generator or seed of the random starts; None: seed 0, so that the same call gives the same answer.
 
-        Raises `PoseError` and `ConfigurationError` for what cannot be meant; everything else is a `Status`.
+        Raises `PoseError`, `ConfigurationError`, `OptionError` for what cannot be meant; the rest is a `Status`.
         """
         pose = self._target(target)
         start = None if q0 is None else real_array(q0, (self.robot.n,), "q0", ConfigurationError)
-        return self._solve(pose, start, lambda: np.random.default_rng(0 if rng is None else rng))
+        stream = rng if isinstance(rng, np.random.Generator) else _seed(0 if rng is None else rng, "rng")
+        return self._solve(pose, start, lambda: np.random.default_rng(stream))
 
     def solve_batch(self, targets: Any, q0: Any = None, seed: int = 0) -> BatchSolution:
         """`solve` for each of N targets, each with a random stream of its own, made from (seed, its index) alone.
@@ -127,8 +128,7 @@ class Solver:
         """
         poses = [self._target(target, f"target {i}: ") for i, target in enumerate(_listed(targets))]
         starts = _starts(q0, len(poses), self.robot.n)
-        if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or seed < 0:
-            raise OptionError(f"seed must be a non-negative integer, got {seed!r}")
+        seed = _seed(seed, "seed")
         solutions = [
             self._solve(pose, start, lambda i=i: np.random.default_rng([seed, i]))
             for i, (pose, start) in enumerate(zip(poses, starts, strict=True))
@@ -219,6 +219,12 @@ def _residual(cost: TaskCost, at: Configuration) -> tuple[float, float]:
 def _check_type(value: Any, types: Any, name: str, example: str) -> None:
     if not isinstance(value, types):
         raise OptionError(f"{name} must be something like {example}, got {value!r:.80}")
+
+
+def _seed(value: Any, name: str) -> int:
+    if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 0:
+        raise OptionError(f"{name} must be a non-negative integer (or, for rng, a Generator), got {value!r:.80}")
+    return int(value)
 
 
 def _listed(targets: Any) -> list:
