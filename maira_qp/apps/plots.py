@@ -97,7 +97,7 @@ def _frame_space(ax: Any, reach: float | None) -> None:
         ax.set(**{f"{axis}lim": (m - half, m + half) for axis, m in zip("xyz", middle, strict=True)})
     else:
         ax.set(xlim=(-reach, reach), ylim=(-reach, reach), zlim=(-0.5 * reach, 1.5 * reach))
-    ax.set_box_aspect((1, 1, 1))
+    ax.set_box_aspect((1, 1, 1), zoom=0.92)  # room for the names of the axes
     for axis, name in zip((ax.set_xlabel, ax.set_ylabel, ax.set_zlabel), "xyz", strict=True):
         axis(f"{name} [m]", labelpad=8)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
@@ -153,7 +153,7 @@ def _reach(points: np.ndarray) -> float:
 
 def _palette() -> Image.Image:
     """The few colours of the film, each in steps towards white: a GIF stores them small, and all frames alike."""
-    steps = {color: 8 for color in COLORS[:3]} | {"black": 40}  # fine greys: no wall may take on a tint
+    steps = dict.fromkeys(COLORS[:3], 8) | {"black": 40}  # fine greys: no wall may take on a tint
     shades = [np.linspace(to_rgb(color), (1.0, 1.0, 1.0), count) for color, count in steps.items()]
     palette = Image.new("P", (1, 1))
     palette.putpalette((255 * np.concatenate(shades)).round().astype(np.uint8).tobytes())
