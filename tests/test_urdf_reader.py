@@ -96,6 +96,14 @@ def test_only_the_chain_moves_and_the_rest_is_fixed_at_rest():
     assert T.translation == pytest.approx([-0.25 * c, -0.25 * s, 6], abs=1e-15)
 
 
+def test_a_slide_beside_the_chain_rests_along_its_own_turned_axis():
+    slide = joint("bs", "b", "s", '<limit lower="2" upper="3"/>', "prismatic", "1 0 0").replace(
+        'xyz="0 0 1"', 'xyz="0 0 1" rpy="0 0 1.5707963267948966"', 1
+    )
+    made = mq.Robot.from_urdf(robot(*TWO, slide, links="abcs"), tip="c")
+    assert made.forward([0, 0], "s").translation == pytest.approx([0, 2, 2], abs=1e-15)
+
+
 def test_the_part_below_the_base_is_kept_and_no_more():
     chain = read_urdf(robot(*TWO, joint("ax", "a", "x"), joint("cd", "c", "d", "", "fixed"), links="abcdx"), "c", "b")
     assert chain.frames == ("b", "c", "d")

@@ -156,22 +156,33 @@ def test_an_arm_without_lengths_still_has_shapes():
     assert shapes(mq.Robot.from_dh([{}]), pin.GeometryType.VISUAL)[0].geometry.radius > 0
 
 
-def test_rods_lead_from_joint_to_joint(rng):
-    """In any posture the visual rods of MAIRA have their ends where its DH frames are."""
-    robot = mq.Robot.maira()
+LEGS = [DHLink(a=0.7, d=0.3, alpha=0.4), DHLink(a=-0.4), DHLink(d=-0.2, alpha=1.0), DHLink(a=0.3, d=0.1)]
+
+
+@pytest.mark.parametrize("table", [catalog.maira(), DHTable(LEGS, name="legs")], ids=lambda table: table.name)
+def test_rods_lead_from_joint_to_joint(table, rng):
+    """In any posture the visual rods lead from each DH frame along z by d, then along x by a, to the next."""
+    robot = mq.Robot.from_dh(table)
     q = robot.random_configuration(rng)
-    places = [htm[:3, 3] for htm in robot.dh.compute_htms(q)]
+    expected = []
+    for link, before, after in zip(table.links, table.compute_htms(q)[:-1], table.compute_htms(q)[1:], strict=True):
+        corner = before[:3, 3] + link.d * before[:3, 2]
+        expected += [(before[:3, 3], corner)] if link.d else []
+        expected += [(corner, after[:3, 3])] if link.a else []
     geometry = pin.buildGeomFromUrdfString(robot.model, robot.urdf, pin.GeometryType.VISUAL)
     data, geometry_data = robot.model.createData(), geometry.createData()
     pin.forwardKinematics(robot.model, data, q)
     pin.updateGeometryPlacements(robot.model, data, geometry, geometry_data)
+    radius = 0.03 * sum(np.hypot(link.a, link.d) for link in table.links)
     ends = []
     for shape, placement in zip(geometry.geometryObjects, geometry_data.oMg, strict=True):
-        if abs(shape.geometry.radius - 0.0586) < 1e-9 and shape.name.startswith("link"):
+        if shape.name.startswith("link") and shape.geometry.radius == pytest.approx(radius, rel=1e-2):
             half = np.array([0, 0, shape.geometry.halfLength])
-            ends.append({tuple(np.round(placement.act(sign * half), 4)) for sign in (1, -1)})
-    expected = [{tuple(np.round(places[i], 4)), tuple(np.round(places[i + 1], 4))} for i in (0, 2, 4, 6)]
-    assert ends == expected
+            ends.append((placement.act(-half), placement.act(half)))
+    assert len(ends) == len(expected)
+    for found, wanted in zip(ends, expected, strict=True):
+        apart = [np.abs(np.subtract(found, order)).max() for order in (wanted, wanted[::-1])]
+        assert min(apart) < 1e-5
 
 
 @pytest.mark.parametrize("make", [mq.Robot.maira, mq.Robot.iiwa14])
