@@ -1,0 +1,74 @@
+"""One control tick: velocity and position limits to the bit, the hierarchy in every tick, convergence over many."""
+
+import numpy as np
+import pytest
+from conftest import load
+
+import maira_qp as mq
+
+REDUNDANCIES = [None, mq.Strict(mq.Posture()), mq.Weighted(mq.Posture(), 1e-3), mq.Strict(mq.Manipulability())]
+
+
+@pytest.mark.parametrize("redundancy", REDUNDANCIES, ids=["none", "strict", "weighted", "manipulability"])
+@pytest.mark.parametrize("arm", ["iiwa14", "panda", "tiago"])
+def test_velocity_and_position_limits_hold_in_every_tick(arm, redundancy, rng):
+    robot = mq.Robot.iiwa14() if arm == "iiwa14" else load(arm)
+    solver, dt = mq.Solver(robot, redundancy=redundancy), 0.01
+    q = robot.random_configuration(rng)
+    for k in range(150):
+        if k % 50 == 0:
+            target = robot.forward(robot.random_configuration(rng))
+            if k == 100:
+                target.translation *= 3  # out of reach
+        t = solver.step(q, target, dt)
+        assert (np.abs(t.velocity) <= robot.velocity_limit).all()
+        assert (t.q >= robot.lower).all()
+        assert (t.q <= robot.upper).all()
+        assert np.abs(t.q - (q + dt * t.velocity)).max() <= 1e-12
+        q = t.q
+
+
+@pytest.mark.parametrize("redundancy", REDUNDANCIES[:2], ids=["none", "strict"])
+def test_ticks_converge_to_a_near_target_and_stay(iiwa14, redundancy, rng):
+    solver = mq.Solver(iiwa14, redundancy=redundancy)
+    q = 0.5 * iiwa14.random_configuration(rng)
+    target = iiwa14.forward(q + 0.1 * rng.normal(size=7))
+    for _ in range(200):
+        t = solver.step(q, target, 0.01)
+        q = t.q
+    assert t.position_error < 1e-9
+    assert t.orientation_error < 1e-9
+    assert np.abs(solver.step(q, target, 0.01).velocity).max() < 1e-6
+
+
+def test_strict_does_not_slow_the_pose_down(iiwa14, rng):
+    """The pose after a tick is that of the pose task alone, to the second order that the tick itself neglects."""
+    alone, strict = mq.Solver(iiwa14), mq.Solver(iiwa14, redundancy=mq.Strict(mq.Posture()))
+    for _ in range(50):
+        q = iiwa14.random_configuration(rng)
+        target = iiwa14.forward(iiwa14.clip(q + 0.01 * rng.normal(size=7)))
+        J, dt = iiwa14.jacobian(q), 0.005
+        a, b = alone.step(q, target, dt), strict.step(q, target, dt)
+        assert np.abs(J @ (a.velocity - b.velocity)).max() * dt <= 1e-9
+
+
+def test_a_joint_outside_its_limits_comes_back_at_its_limit_speed(iiwa14):
+    q = np.zeros(7)
+    q[1] = iiwa14.upper[1] + 0.1
+    q[3] = iiwa14.lower[3] - 1e-9
+    solver, target = mq.Solver(iiwa14), iiwa14.forward(np.full(7, 0.3))
+    t = solver.step(q, target, 0.01)
+    assert t.velocity[1] == -iiwa14.velocity_limit[1]
+    assert t.q[3] >= iiwa14.lower[3]
+    for _ in range(20):
+        q = solver.step(q, target, 0.01).q
+    assert (q >= iiwa14.lower).all()
+    assert (q <= iiwa14.upper).all()
+
+
+def test_a_tick_of_any_length_is_finite(maira, rng):
+    solver = mq.Solver(maira, redundancy=mq.Strict(mq.Posture()))
+    for dt in (1e-9, 1e-3, 1.0, 1e3):
+        t = solver.step(maira.random_configuration(rng), maira.forward(maira.random_configuration(rng)), dt)
+        assert np.isfinite(t.velocity).all()
+        assert (np.abs(t.velocity) <= maira.velocity_limit).all()
