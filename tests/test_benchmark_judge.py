@@ -131,6 +131,36 @@ def test_a_follower_outside_of_its_limits_is_a_violation():
     np.testing.assert_allclose(judge.forward(np.array([0.5]))[:2, :2], turn(np.array([0, 0, 1.0]), 1.5)[:2, :2])
 
 
+def test_axes_of_any_length_and_mimics_of_mimics():
+    """An axis of length 2 turns no faster than one of length 1, and a mimic joint may follow a mimic joint."""
+    joint = (
+        '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/><axis xyz="0 0 2"/>'
+        '<limit lower="-9" upper="9" velocity="1" effort="1"/>{3}</joint>'
+    )
+    urdf = (
+        '<robot name="m"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>'
+        + joint.format("lead", "a", "b", "")
+        + joint.format("second", "b", "c", '<mimic joint="lead" multiplier="2" offset="0.1"/>')
+        + joint.format("third", "c", "d", '<mimic joint="second" multiplier="-3" offset="0.2"/>')
+        + "</robot>"
+    )
+    q, second = 0.3, 2 * 0.3 + 0.1
+    expected = turn(np.array([0.0, 0.0, 1.0]), q + second + (-3 * second + 0.2))
+    np.testing.assert_allclose(Judge(urdf, "a", "d", ["lead"]).forward(np.array([q]))[:3, :3], expected, atol=1e-12)
+
+
+def test_the_right_pose_outside_of_the_limits_is_no_success(maira):
+    """A whole turn further the tool is at the target, and the answer is refused."""
+    judge = judge_of(maira)
+    q = np.full(maira.n, 0.5)
+    target = maira.forward(q).homogeneous
+    assert judge.verdict(q, target).within(1e-9, 1e-9)
+    q[0] += 2 * math.pi
+    verdict = judge.verdict(q, target)
+    assert verdict.position_error < 1e-9
+    assert not verdict.within(1e-9, 1e-9)
+
+
 def test_what_is_not_finite_is_infinitely_wrong(maira):
     """NaN and infinity reach no target, and a vector of the wrong length neither."""
     wrong = Verdict(math.inf, math.inf, math.inf)

@@ -58,6 +58,7 @@ def test_near_limits_every_limited_joint_is_near_one(stratum, margin, maira, off
         assert (np.minimum(below, above)[:, limited] <= margin).all()
         assert ((below <= margin).any(axis=0) & (above <= margin).any(axis=0))[limited].all()
         assert np.ptp(q[:, ~limited], axis=0).min(initial=np.inf) > 1
+        assert ((below > 0) & (above > 0))[:, limited].all()  # near them, not on them
 
 
 def test_stretched_elbow_of_maira_is_its_fourth_joint(maira):
@@ -97,19 +98,36 @@ def test_aligned_wrist_of_a_six_joint_arm_is_singular(offset_arm):
         assert offset_arm.condition_number(q) > 500
 
 
+def test_an_aligned_wrist_may_be_folded_back():
+    """Where the wrist's axes are opposed at mid-range and parallel nowhere inside the limits, that is singular."""
+    links = [DHLink(d=0.3, alpha=-math.pi / 2), DHLink(a=0.4), DHLink(alpha=-math.pi / 2), DHLink(d=0.4, alpha=1.5)]
+    wrist = [DHLink(alpha=-1.5, theta=math.pi, lower=-2.0, upper=2.0), DHLink(d=0.1)]
+    robot = Robot.from_dh(DHTable([*links, *wrist]))
+    source = source_of(robot)
+    best = max(
+        (abs(source._alignment(np.array([0, 0, 0, 0, value, 0]))), abs(value)) for value in np.linspace(-2, 2, 401)
+    )[1]
+    for index in range(5):
+        q = source.target("aligned-wrist", index, seed=0).witness
+        assert abs(abs(q[4]) - best) < 0.02
+
+
 def test_nothing_reaches_beyond_the_reach(maira, iiwa14, offset_arm):
     """No random configuration puts the tool further from the centre than the bound, and the straight arm attains it."""
     rng = np.random.default_rng(0)
     sliding = Robot.from_dh(
         DHTable([DHLink(kind="prismatic", lower=-0.2, upper=0.6, alpha=0.7), DHLink(a=0.3), DHLink(a=0.2, d=0.1)])
     )
-    for robot in (maira, iiwa14, offset_arm, sliding):
+    rail = Robot.from_dh(
+        DHTable([DHLink(a=0.3, alpha=0.4), DHLink(kind="prismatic", lower=-0.6, upper=0.1), DHLink(a=0.2)])
+    )
+    for robot in (maira, iiwa14, offset_arm, sliding, rail):
         centre, reach = source_of(robot).reach
         distances = [
             np.linalg.norm(robot.forward(robot.random_configuration(rng)).translation - centre) for _ in range(2000)
         ]
         assert max(distances) <= reach
-        assert max(distances) > 0.8 * reach
+        assert max(distances) > 0.6 * reach
     for robot in (maira, iiwa14):
         centre, reach = source_of(robot).reach
         assert np.linalg.norm(robot.forward(np.zeros(7)).translation - centre) == pytest.approx(reach, abs=1e-12)
@@ -141,6 +159,8 @@ def test_every_target_has_a_stream_of_its_own(maira):
         for other in (source.target(stratum, 6, seed=9), source.target(stratum, 5, seed=10)):
             assert not np.allclose(fresh.pose, other.pose)
             assert other.seed != fresh.seed
+    starts = [source.target(stratum, 0, seed=9).start for stratum in STRATA]
+    assert len({tuple(start) for start in starts}) == len(STRATA)
 
 
 def test_arms_without_elbow_or_wrist():
