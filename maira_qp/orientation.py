@@ -8,8 +8,16 @@ Quaternions are scalar first, (w, x, y, z). The logarithm of a unit quaternion (
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+
+from maira_qp.arrays import real_array
+from maira_qp.errors import PoseError
+
+ORTHONORMAL_WITHIN = 1e-5
+"""A matrix with |R R^T - I| below this is taken as its nearest rotation, a quaternion with ||q| - 1| below this as its
+unit quaternion: what rounding to single precision leaves."""
 
 
 def quaternion_from_matrix(R: np.ndarray) -> np.ndarray:
@@ -101,8 +109,12 @@ def orientation_error(R: np.ndarray, R_d: np.ndarray) -> np.ndarray:
     return np.array([2 * x, 2 * y, 2 * z])
 
 
-def pose_error(T: np.ndarray, T_d: np.ndarray) -> np.ndarray:
-    """Error (6,) of a pose T (4, 4) against the desired T_d (4, 4): [p_d - p in m; orientation error in rad], base axes."""
+def pose_error(T: Any, T_d: Any) -> np.ndarray:
+    """Error (6,) of a pose T against the desired T_d, in base axes: [p_d - p in m; orientation error in rad].
+
+    Poses are (4, 4) arrays or `pin.SE3`.
+    """
+    T, T_d = (np.asarray(getattr(pose, "homogeneous", pose), dtype=float) for pose in (T, T_d))
     return np.concatenate([T_d[:3, 3] - T[:3, 3], orientation_error(T[:3, :3], T_d[:3, :3])])
 
 
@@ -118,3 +130,34 @@ def nearest_rotation(M: np.ndarray) -> np.ndarray:
     """
     U, _, Vt = np.linalg.svd(M)
     return U @ Vt
+
+
+def exact_rotation(R: np.ndarray, name: str, *, project: bool = False) -> np.ndarray:
+    """The rotation (3, 3) that a matrix (3, 3) from a caller stands for; `project`: however far it is from one.
+
+    Raises `PoseError`, with `name` in it, for a reflection, for a singular matrix, and without `project` for one that
+    is not orthonormal to `ORTHONORMAL_WITHIN`.
+    """
+    scale = np.abs(R).max()
+    singular_values = np.linalg.svd(R / scale, compute_uv=False) if scale > 0 else np.zeros(3)
+    if singular_values[2] <= 1e-6 * singular_values[0]:
+        raise PoseError(f"the rotation part of the {name} is singular: no rotation is nearest to it")
+    if np.linalg.det(R / scale) < 0:
+        raise PoseError(f"the rotation part of the {name} has a negative determinant: it is a reflection")
+    deviation = orthonormality_deviation(R) if scale < 1e100 else math.inf
+    if deviation > ORTHONORMAL_WITHIN and not project:
+        raise PoseError(
+            f"the rotation part of the {name} is not orthonormal: max |R R^T - I| = {deviation:.3g} "
+            f"(allowed: {ORTHONORMAL_WITHIN:g}); "
+            "to take the nearest rotation on purpose: mq.pose(matrix=T, project=True)"
+        )
+    return nearest_rotation(R / scale) if deviation > 1e-14 else R
+
+
+def rigid(matrix: Any, name: str, *, project: bool = False) -> np.ndarray:
+    """A homogeneous transformation (4, 4) from a caller, its rotation part made exact. Raises `PoseError`."""
+    T = real_array(matrix, (4, 4), name, PoseError)
+    if not np.array_equal(T[3], (0.0, 0.0, 0.0, 1.0)):
+        raise PoseError(f"the last row of a pose must be [0, 0, 0, 1], got {T[3].tolist()}")
+    T[:3, :3] = exact_rotation(T[:3, :3], name, project=project)
+    return T

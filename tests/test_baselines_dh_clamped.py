@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from maira_qp import baselines
-from maira_qp.baselines.inputs import rigid_target
 from maira_qp.errors import ConfigurationError, OptionError, PoseError
+from maira_qp.orientation import rigid
 from maira_qp.robots.catalog import iiwa14, maira
 from maira_qp.robots.dh import DHLink, DHTable
 
@@ -184,7 +184,7 @@ def test_a_slightly_rounded_rotation_is_taken_as_the_nearest():
     q = np.array([0.3, 0.5, -0.2, 1.0, 0.4, 0.8, 0.1])
     rounded = table.forward(q).round(6)
     copy = rounded.copy()
-    R = rigid_target(rounded)[:3, :3]
+    R = rigid(rounded, "target")[:3, :3]
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-15)
     np.testing.assert_allclose(R, Rotation.from_matrix(rounded[:3, :3]).as_matrix(), atol=1e-11)
     assert np.array_equal(rounded, copy)

@@ -22,12 +22,13 @@ from typing import Any
 import numpy as np
 
 from maira_qp.arrays import real_array
-from maira_qp.baselines.inputs import count, not_negative, positive, rigid_target
+from maira_qp.baselines.inputs import count, not_negative, positive
 from maira_qp.baselines.iteration import iterate
 from maira_qp.baselines.joints import pull_to_middle
 from maira_qp.baselines.residuals import pose_residual
 from maira_qp.baselines.result import BaselineResult
 from maira_qp.errors import ConfigurationError
+from maira_qp.orientation import rigid
 from maira_qp.robots.dh import DHTable
 
 
@@ -47,7 +48,7 @@ def dh_clamped(
     joint without limits); converged: |e| < `tolerance`, metres and radians together. A result that has not converged is
     only proximal. Raises `PoseError`, `ConfigurationError`, `OptionError`.
     """
-    target = rigid_target(target)
+    target = rigid(target, "target")
     q0 = real_array(q0, (table.n,), "q0", ConfigurationError)
     damping, alpha = positive(damping, "damping"), not_negative(alpha, "alpha")
     tolerance, max_iterations = positive(tolerance, "tolerance"), count(max_iterations, "max_iterations")

@@ -22,12 +22,13 @@ from typing import Any
 import numpy as np
 
 from maira_qp.arrays import real_array
-from maira_qp.baselines.inputs import count, positive, rigid_target
+from maira_qp.baselines.inputs import count, positive
 from maira_qp.baselines.iteration import capped, iterate
 from maira_qp.baselines.joints import within_a_turn
 from maira_qp.baselines.residuals import Residual, pose_residual, position_residual, within
 from maira_qp.baselines.result import BaselineResult
 from maira_qp.errors import ConfigurationError, PoseError
+from maira_qp.orientation import rigid
 from maira_qp.robots.dh import DHTable
 
 
@@ -67,7 +68,7 @@ def gradient_descent_pose(
     Converged: |e_p| < `position_tolerance` [m] and |e_w| < `orientation_tolerance` [rad]. Raises `PoseError`,
     `ConfigurationError`, `OptionError`.
     """
-    residual = pose_residual(table, rigid_target(target))
+    residual = pose_residual(table, rigid(target, "target"))
     met = within(
         positive(position_tolerance, "position_tolerance"), positive(orientation_tolerance, "orientation_tolerance")
     )

@@ -7,29 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from maira_qp.arrays import real_array
-from maira_qp.errors import OptionError, PoseError
-from maira_qp.orientation import nearest_rotation, orthonormality_deviation
-
-ROTATION_TOLERANCE = 1e-5
-"""Largest entry of |R R^T - I| at which a target's rotation part still counts as one, slightly rounded."""
-
-
-def rigid_target(target: Any) -> np.ndarray:
-    """A target pose (4, 4) [m] with its rotation part made exact. Raises `PoseError` if it is not rigid."""
-    T = real_array(target, (4, 4), "target", PoseError)
-    if not np.array_equal(T[3], (0.0, 0.0, 0.0, 1.0)):
-        raise PoseError(f"the last row of a target must be 0, 0, 0, 1, got {T[3].tolist()}")
-    deviation = orthonormality_deviation(T[:3, :3])
-    if deviation > ROTATION_TOLERANCE:
-        raise PoseError(
-            f"the target's rotation part is {deviation:.2g} from orthonormal (allowed: {ROTATION_TOLERANCE:g});"
-            " for the nearest rotation on purpose use mq.pose(matrix=T, project=True)"
-        )
-    if np.linalg.det(T[:3, :3]) < 0:
-        raise PoseError("the target's rotation part is a reflection (its determinant is negative)")
-    T[:3, :3] = nearest_rotation(T[:3, :3])
-    return T
+from maira_qp.errors import OptionError
 
 
 def positive(value: Any, name: str, *, infinite: bool = False) -> float:

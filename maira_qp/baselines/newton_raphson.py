@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from maira_qp.arrays import real_array
-from maira_qp.baselines.inputs import count, positive, rigid_target
+from maira_qp.baselines.inputs import count, positive
 from maira_qp.baselines.iteration import capped, iterate
 from maira_qp.baselines.joints import within_a_turn
 from maira_qp.baselines.residuals import (
@@ -35,6 +35,7 @@ from maira_qp.baselines.residuals import (
 )
 from maira_qp.baselines.result import BaselineResult
 from maira_qp.errors import ConfigurationError, OptionError, PoseError
+from maira_qp.orientation import rigid
 from maira_qp.robots.dh import DHTable
 
 RANK_THRESHOLD = 1e-6
@@ -78,7 +79,7 @@ def newton_pose(
     `step` and `max_step` as for `newton_position`; converged: |e_p| < `position_tolerance` [m] and
     |e_w| < `orientation_tolerance` (the sine of the angle). Raises `PoseError`, `ConfigurationError`, `OptionError`.
     """
-    residual = pose_residual(table, rigid_target(target), sine_orientation_error)
+    residual = pose_residual(table, rigid(target, "target"), sine_orientation_error)
     met = _pose_met(position_tolerance, orientation_tolerance)
     return _newton(table, residual, met, q0, step, max_step, max_iterations)
 
@@ -109,7 +110,7 @@ def newton_null_space(
     def climb(q: np.ndarray) -> np.ndarray:
         return alpha * real_array(gradient(q.copy()), (table.n,), "the gradient", OptionError)
 
-    residual = pose_residual(table, rigid_target(target), sine_orientation_error)
+    residual = pose_residual(table, rigid(target, "target"), sine_orientation_error)
     met = _pose_met(position_tolerance, orientation_tolerance)
     return _newton(table, residual, met, q0, step, max_step, max_iterations, climb)
 

@@ -9,11 +9,7 @@ import pinocchio as pin
 
 from maira_qp.arrays import real_array
 from maira_qp.errors import PoseError
-from maira_qp.orientation import matrix_from_quaternion, nearest_rotation, orthonormality_deviation
-
-ORTHONORMAL_WITHIN = 1e-5
-"""A matrix with |R R^T - I| below this is taken as its nearest rotation, a quaternion with ||q| - 1| below this as its
-unit quaternion: what rounding to single precision leaves."""
+from maira_qp.orientation import ORTHONORMAL_WITHIN, exact_rotation, matrix_from_quaternion, rigid
 
 
 def pose(
@@ -53,15 +49,13 @@ def pose(
         R = pin.rpy.rpyToMatrix(real_array(rpy, (3,), "rpy", PoseError))
     else:
         R = np.eye(3)
-    return pin.SE3(_rotation(R, "matrix", project), p)
+    return pin.SE3(exact_rotation(R, "matrix", project=project), p)
 
 
 def as_pose(target: Any, *, project: bool = False) -> pin.SE3:
     """A checked `pin.SE3` from a `pin.SE3` or a 4x4 array. Raises `PoseError`."""
-    T = real_array(target.homogeneous if isinstance(target, pin.SE3) else target, (4, 4), "target", PoseError)
-    if not np.array_equal(T[3], (0.0, 0.0, 0.0, 1.0)):
-        raise PoseError(f"the last row of a pose must be [0, 0, 0, 1], got {T[3].tolist()}")
-    return pin.SE3(_rotation(T[:3, :3], "target", project), T[:3, 3].copy())
+    T = rigid(target.homogeneous if isinstance(target, pin.SE3) else target, "target", project=project)
+    return pin.SE3(T[:3, :3].copy(), T[:3, 3].copy())
 
 
 def _unit_quaternion(value: Any, project: bool) -> np.ndarray:
@@ -77,21 +71,3 @@ def _unit_quaternion(value: Any, project: bool) -> np.ndarray:
         )
     q = q / largest
     return q / np.linalg.norm(q)
-
-
-def _rotation(R: np.ndarray, name: str, project: bool) -> np.ndarray:
-    """The rotation that R (3, 3) stands for. Raises `PoseError` where it stands for none."""
-    scale = np.abs(R).max()
-    singular_values = np.linalg.svd(R / scale, compute_uv=False) if scale > 0 else np.zeros(3)
-    if singular_values[2] <= 1e-6 * singular_values[0]:
-        raise PoseError(f"the rotation part of the {name} is singular: no rotation is nearest to it")
-    if np.linalg.det(R / scale) < 0:
-        raise PoseError(f"the rotation part of the {name} has a negative determinant: it is a reflection")
-    deviation = orthonormality_deviation(R) if scale < 1e100 else np.inf
-    if deviation > ORTHONORMAL_WITHIN and not project:
-        raise PoseError(
-            f"the rotation part of the {name} is not orthonormal: max |R R^T - I| = {deviation:.3g} "
-            f"(allowed: {ORTHONORMAL_WITHIN:g}); "
-            "to take the nearest rotation on purpose: mq.pose(matrix=T, project=True)"
-        )
-    return nearest_rotation(R / scale) if deviation > 1e-14 else R
