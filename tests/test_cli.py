@@ -116,6 +116,8 @@ def test_misuse_is_2_with_one_line(run, tmp_path):
         (("urdf", "--output", tmp_path / "words.txt" / "x"), "words.txt"),
         (("bench", "--targets", 0), "targets"),
         (("compare", "--targets", 0), "targets"),
+        (("compare", "--picture", "comparison.xyz"), ".png"),
+        (("compare", "--backend", "nope"), "daqp"),
     ):
         assert message in misuse(run(*arguments)), arguments
 
@@ -201,6 +203,23 @@ def test_redundancy_flags(run):
         q[redundancy] = np.array(strict_json(answer[1])["q"])
     assert np.sum(q["strict"] ** 2) < np.sum(q["none"] ** 2)
     assert np.sum(q["weighted"] ** 2) < np.sum(q["strict"] ** 2)
+
+
+def test_a_start_outside_the_limits_is_told(run, maira):
+    """A start beyond a limit is moved onto it, and table and JSON say so."""
+    at = ("solve", "--position", -0.4, 0, 0.5, "--q0", 9, 0, 0, 0, 0, 0, 0)
+    code, out, _ = run(*at)
+    assert code == 0
+    assert "was outside the joint limits" in out
+    assert strict_json(run(*at, "--json")[1])["start_projected"] is True
+
+
+def test_pictures_are_checked_before_the_work(run, monkeypatch, tmp_path):
+    """Without Matplotlib nothing is computed for a picture that cannot be drawn: the error says what to install."""
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    for arguments in (("compare",), ("bench", "--output", tmp_path / "new")):
+        assert "maira-qp[plot]" in misuse(run(*arguments))
+    assert not (tmp_path / "new").exists()
 
 
 def test_the_seed_decides(run):

@@ -13,6 +13,8 @@ from maira_qp.apps.commands.flags import RobotFlags, SolverFlags
 from maira_qp.apps.commands.robot_choice import RobotChoice
 from maira_qp.solvers.options import Options
 
+PICTURE = "success.png"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Bench:
@@ -36,15 +38,16 @@ class Bench:
         from maira_qp.apps.benchmark.report import flat, legend, picture, tables
         from maira_qp.apps.benchmark.runner import plan, run
         from maira_qp.apps.benchmark.statistics import summarise
-        from maira_qp.apps.commands.output import console, print_json, progress_bar
+        from maira_qp.apps.commands.output import check_picture, console, print_json, progress_bar
 
+        check_picture(self.output / PICTURE)
         made = plan(self.choice.load(), self.settings, self.options)
         with progress_bar("solving") as progress:
             rows = run(made, self.output / "rows.jsonl", lambda done: progress(done, made.rows))
         summaries = summarise(rows)
         write_csv(self.output / "rows.csv", rows)
         write_csv(self.output / "summary.csv", [flat(summary) for summary in summaries])
-        picture(summaries, self.output / "success.png")
+        picture(summaries, self.output / PICTURE)
         if self.json:
             print_json(
                 {

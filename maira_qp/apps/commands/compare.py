@@ -34,9 +34,10 @@ class Compare:
     def run(self) -> int:
         """Prints the table and saves the picture; 0."""
         from maira_qp.apps.benchmark.report import flat
-        from maira_qp.apps.commands.output import console, print_json, progress_bar
+        from maira_qp.apps.commands.output import check_picture, console, print_json, progress_bar
         from maira_qp.apps.compare import compare, picture, table
 
+        check_picture(self.picture)
         robot = self.choice.load()
         with progress_bar("solving") as progress:
             comparison = compare(
@@ -48,7 +49,6 @@ class Compare:
                 options=self.options,
                 progress=progress,
             )
-        picture(comparison, self.picture)
         if self.json:
             rows = [flat(summary) for summary in comparison.summaries]
             print_json(
@@ -60,4 +60,5 @@ class Compare:
             for note in comparison.plan.notes:
                 out.print(note)
             out.print(f"picture: {self.picture}")
+        picture(comparison, self.picture)
         return 0

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import json
 import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
@@ -18,11 +20,12 @@ from rich.table import Table
 
 from maira_qp.apps.benchmark.records import jsonable
 from maira_qp.arrays import real_array
-from maira_qp.errors import ConfigurationError
+from maira_qp.errors import ConfigurationError, OptionError
 
 if TYPE_CHECKING:
     from maira_qp.robots.robot import Robot
 
+PICTURES = (".png", ".svg", ".pdf")
 WIDTH_OF_FILES = 160
 """Columns of a table that goes into a file or a pipe, where no terminal tells."""
 
@@ -31,6 +34,14 @@ def console(*, stderr: bool = False) -> Console:
     """A console on stdout or stderr, as wide as the terminal; wide where there is none."""
     stream = sys.stderr if stderr else sys.stdout
     return Console(file=stream, width=None if stream.isatty() else WIDTH_OF_FILES, markup=False, highlight=False)
+
+
+def check_picture(path: Path) -> None:
+    """Before a long run: whether a picture can be drawn, of the kind that its name asks for. Raises `OptionError`."""
+    if path.suffix.lower() not in PICTURES:
+        raise OptionError(f"a picture's name ends in {', '.join(PICTURES)}, not {path.name!r}")
+    if importlib.util.find_spec("matplotlib") is None:
+        raise OptionError("pictures need matplotlib: install maira-qp[plot]")
 
 
 def print_json(value: Any) -> None:
