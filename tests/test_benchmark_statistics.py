@@ -1,11 +1,14 @@
 """Wilson's interval against SciPy and against its definition; summaries against rows counted by hand."""
 
+import io
 import math
 
 import pytest
+from rich.console import Console
 from scipy.stats import binomtest
 
 from maira_qp.apps.benchmark.report import flat, percent, tables
+from maira_qp.apps.benchmark.settings import STRATA
 from maira_qp.apps.benchmark.statistics import Z_95, summarise, wilson_interval
 from maira_qp.errors import OptionError
 
@@ -97,3 +100,16 @@ def test_percent_does_not_round_a_failure_away():
     assert percent(0.9999) == "99.9900 %"
     assert percent(0.0001) == "0.0100 %"
     assert percent(0.0) == "0.0 %"
+
+
+def test_tables_fit_the_terminal():
+    """In 80 columns the tables keep their figures whole, with several backends too; a wide one tells every figure."""
+    rows = [row(stratum=s, method=m, backend=b) for s in STRATA for m in ("pose", "strict") for b in ("daqp", "proxqp")]
+    for width, wanted in ((80, "1.0e-09"), (160, "1.0e-09 / 1.0e-09")):
+        console = Console(width=width, file=io.StringIO(), record=True)
+        for table in tables(summarise(rows), width):
+            console.print(table)
+        text = console.export_text()
+        assert text.count(wanted) >= 4 * len(STRATA)
+        assert "\u2026" not in text  # nothing is cut
+        assert text.count("1 converged") == 4  # out of reach: what was said, no success rate

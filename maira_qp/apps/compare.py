@@ -72,36 +72,35 @@ def table(comparison: Comparison) -> Table:
         title=f"{robot.name}: {settings.targets} random reachable poses, from the same random starts",
         title_justify="left",
         title_style="bold",
-        caption=f"{legend(settings, options)}\nposture cost: 1/2 |q - middle|^2, mean over the loosely solved",
+        caption=(
+            f"{legend(settings, options)}\nposture cost: 1/2 |q - middle|^2, of the loosely solved"
+            "\ncondition number: of the Jacobian, median"
+        ),
         caption_justify="left",
     )
-    made.add_column("method")
-    for heading in (
-        "solved",
-        "loosely",
-        "position error [m]\nmedian / max",
-        "orientation error [rad]\nmedian / max",
-        "posture\ncost",
-        "out of\nlimits",
-        "iterations\nmean",
-        "condition number\nmedian",
-        "time [ms]\nmedian",
-    ):
-        made.add_column(heading, justify="right")
-    for s in comparison.summaries:
-        made.add_row(
-            s.method,
-            percent(s.rate),
-            percent(s.loose / s.count),
-            f"{short(s.position_error[0])} / {short(s.position_error[1])}",
-            f"{short(s.orientation_error[0])} / {short(s.orientation_error[1])}",
-            "-" if s.posture_cost is None else f"{s.posture_cost:.2f}",
-            str(s.violations),
-            f"{s.iterations[1]:.1f}",
-            f"{s.condition_number:.1f}",
-            f"{1e3 * s.time[0]:.2f}",
-        )
+    summaries = comparison.summaries
+    made.add_column("")
+    for s in summaries:
+        made.add_column(s.method, justify="right")
+    for heading, cell in ROWS.items():
+        made.add_row(heading, *map(cell, summaries))
     return made
+
+
+ROWS: dict[str, Callable[[Summary], str]] = {
+    "solved": lambda s: percent(s.rate),
+    "loosely": lambda s: percent(s.loose / s.count),
+    "error, median [m]": lambda s: short(s.position_error[0]),
+    "error, max [m]": lambda s: short(s.position_error[1]),
+    "error, median [rad]": lambda s: short(s.orientation_error[0]),
+    "error, max [rad]": lambda s: short(s.orientation_error[1]),
+    "posture cost, mean": lambda s: "-" if s.posture_cost is None else f"{s.posture_cost:.2f}",
+    "out of limits": lambda s: str(s.violations),
+    "iterations, mean": lambda s: f"{s.iterations[1]:.1f}",
+    "condition number": lambda s: f"{s.condition_number:.1f}",
+    "time, median [ms]": lambda s: f"{1e3 * s.time[0]:.2f}",
+}
+"""The figures of the table, a row each."""
 
 
 def picture(comparison: Comparison, path: str | Path) -> None:

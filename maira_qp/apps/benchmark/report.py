@@ -18,9 +18,13 @@ from maira_qp.solvers.options import Options
 OUT_OF_REACH, NO_BACKEND = "out-of-reach", "-"
 
 
-def tables(summaries: Sequence[Summary]) -> list[Table]:
-    """One table a stratum, the methods in rows."""
-    return [_table(stratum, group) for stratum, group in by_stratum(summaries).items()]
+WIDE = 150
+"""Columns of text that a table with every figure needs; below, it has the most important ones only."""
+
+
+def tables(summaries: Sequence[Summary], width: int = WIDE) -> list[Table]:
+    """One table a stratum, the methods in rows, for a console so many characters wide."""
+    return [_table(stratum, group, width >= WIDE) for stratum, group in by_stratum(summaries).items()]
 
 
 def legend(settings: Settings, options: Options) -> str:
@@ -39,35 +43,50 @@ def by_stratum(summaries: Iterable[Summary]) -> dict[str, list[Summary]]:
     return groups
 
 
-def _table(stratum: str, group: list[Summary]) -> Table:
+def _table(stratum: str, group: list[Summary], wide: bool) -> Table:
     remark = ", no solution exists" if stratum == OUT_OF_REACH else ""
     table = Table(title=f"{stratum} ({group[0].count} targets{remark})", title_justify="left", title_style="bold")
-    solved = ("said",) if stratum == OUT_OF_REACH else ("solved", "95 % interval", "loosely")
-    table.add_column("method")
-    table.add_column("QP by")
-    for heading in (
-        *solved,
-        "false\nclaims",
-        "out of\nlimits",
-        "position error\nmedian / max [m]",
-        "orientation error\nmedian / max [rad]",
-        "iterations\nmedian / mean",
-        "time [ms]\nmedian / mean / p99",
-    ):
-        table.add_column(heading, justify="right")
-    for s in group:
-        table.add_row(
-            s.method,
-            s.backend,
-            *(_said(s) if stratum == OUT_OF_REACH else _solved(s)),
-            str(s.false_claims),
-            str(s.violations),
-            f"{short(s.position_error[0])} / {short(s.position_error[1])}",
-            f"{short(s.orientation_error[0])} / {short(s.orientation_error[1])}",
-            f"{s.iterations[0]:.0f} / {s.iterations[1]:.1f}",
-            " / ".join(f"{1e3 * seconds:#.3g}".rstrip(".") for seconds in s.time),
-        )
+    several = len({s.backend for s in group} - {NO_BACKEND}) > 1
+    rows = [_wide(s) if wide else _narrow(s, several) for s in group]
+    dropped = {"said"} if stratum != OUT_OF_REACH else {"solved", "95 % interval", "loosely"}
+    shown = [heading for heading in rows[0] if heading not in dropped]
+    for heading in shown:
+        table.add_column(heading, justify="left" if heading in ("method", "QP by") else "right")
+    for row in rows:
+        table.add_row(*(row[heading] for heading in shown))
     return table
+
+
+def _wide(s: Summary) -> dict[str, str]:
+    """Every figure under its heading."""
+    return {
+        "method": s.method,
+        "QP by": s.backend,
+        "said": _said(s),
+        "solved": percent(s.rate),
+        "95 % interval": f"{100 * s.interval[0]:.1f} - {100 * s.interval[1]:.1f} %",
+        "loosely": percent(s.loose / s.count),
+        "false\nclaims": str(s.false_claims),
+        "out of\nlimits": str(s.violations),
+        "position error\nmedian / max [m]": f"{short(s.position_error[0])} / {short(s.position_error[1])}",
+        "orientation error\nmedian / max [rad]": f"{short(s.orientation_error[0])} / {short(s.orientation_error[1])}",
+        "iterations\nmedian / mean": f"{s.iterations[0]:.0f} / {s.iterations[1]:.1f}",
+        "time [ms]\nmedian / mean / p99": " / ".join(f"{1e3 * seconds:#.3g}".rstrip(".") for seconds in s.time),
+    }
+
+
+def _narrow(s: Summary, several: bool) -> dict[str, str]:
+    """The most important figures: medians."""
+    return {
+        "method": _name(s, several),
+        "said": _said(s),
+        "solved": percent(s.rate),
+        "95 % interval": f"{100 * s.interval[0]:.0f} - {100 * s.interval[1]:.0f} %",
+        "out of\nlimits": str(s.violations),
+        "position\nerror [m]": short(s.position_error[0]),
+        "steps": f"{s.iterations[0]:.0f}",
+        "time\n[ms]": f"{1e3 * s.time[0]:#.3g}".rstrip("."),
+    }
 
 
 def picture(summaries: Sequence[Summary], path: str | Path) -> None:
@@ -90,12 +109,8 @@ def _name(summary: Summary, with_backend: bool) -> str:
     return f"{summary.method}, {summary.backend}" if with_backend and summary.backend != NO_BACKEND else summary.method
 
 
-def _solved(s: Summary) -> tuple[str, str, str]:
-    return percent(s.rate), f"{100 * s.interval[0]:.1f} - {100 * s.interval[1]:.1f} %", percent(s.loose / s.count)
-
-
-def _said(s: Summary) -> tuple[str]:
-    return (", ".join(f"{count} {status.lower().replace('_', ' ')}" for status, count in s.statuses.items()),)
+def _said(s: Summary) -> str:
+    return ", ".join(f"{count} {status.lower().replace('_', ' ')}" for status, count in s.statuses.items())
 
 
 def percent(rate: float) -> str:

@@ -59,7 +59,7 @@ class Bench:
             )
         else:
             out = console()
-            for table in tables(summaries):
+            for table in tables(summaries, out.width):
                 out.print(table)
             out.print(legend(self.settings, self.options))
             for note in made.notes:
