@@ -312,6 +312,28 @@ def test_compare_prints_a_table_and_saves_a_picture(run, tmp_path):
     assert all(row["violations"] == 0 for row in methods.values())
 
 
+def test_compare_without_a_dh_table(run, tmp_path, maira):
+    """For a robot from a URDF the reference is left out, and a note says why."""
+    (tmp_path / "arm.urdf").write_text(maira.urdf)
+    code, out, _ = run(
+        "compare", "--robot", tmp_path / "arm.urdf", "--targets", 1, "--picture", tmp_path / "deep" / "c.svg"
+    )
+    assert code == 0
+    assert "dh-clamped is left out" in out
+    assert "strict" in out
+    assert (tmp_path / "deep" / "c.svg").exists()
+
+
+def test_another_tip_of_a_catalog_robot(run, maira):
+    """A part of a robot of the catalog can be asked for by its links."""
+    code, out, _ = run("fk", 0.3, 0.4, "--base", "link1", "--tip", "link3", "--json")
+    T = strict_json(out)["matrix"]
+    assert code == 0
+    q = np.array([0.0, 0.3, 0.4, 0.0, 0.0, 0.0, 0.0])
+    expected = maira.forward(q, "link1").inverse() * maira.forward(q, "link3")
+    np.testing.assert_allclose(T, expected.homogeneous, atol=1e-12)
+
+
 def test_bench_writes_its_files_and_goes_on(run, tmp_path):
     """Rows, tables and picture are written; a second run with the same flags adds nothing; other flags are refused."""
     flags = ("bench", "--methods", "dh-clamped", "pose", "--strata", "uniform", "--targets", 3, "--output", tmp_path)

@@ -94,8 +94,15 @@ def fingerprint(plan: Plan) -> dict[str, Any]:
         "options": asdict(plan.options),
         "robot": robot.name,
         "robot_sha256": sha256(identity.encode()).hexdigest(),
-        "versions": {"maira_qp": maira_qp.__version__, **_versions("numpy", "pin", "qpsolvers", "daqp", "osqp")},
+        "versions": {
+            "maira_qp": maira_qp.__version__,
+            **_versions("numpy", "pin", "qpsolvers", *map(_package, plan.settings.backends)),
+        },
     }
+
+
+def _package(backend: str) -> str:
+    return {"proxqp": "proxsuite"}.get(backend, backend)
 
 
 def _versions(*packages: str) -> dict[str, str | None]:

@@ -53,7 +53,7 @@ class Summary:
     interval: tuple[float, float]
     """Wilson's 95 % interval of the strict success rate."""
     false_claims: int
-    """Answers that claimed success to the method's own tolerance, and the judge disagrees."""
+    """Answers that claimed success, and the judge disagrees: the pose is off, or a joint outside of its limits."""
     statuses: dict[str, int]
     """How many answers ended in each status, in the method's own words, the most frequent first."""
     violations: int

@@ -62,6 +62,7 @@ class Bench:
             for table in tables(summaries, out.width):
                 out.print(table)
             out.print(legend(self.settings, self.options))
+            out.print("false claims: said to be solved, but off the pose or outside the limits")
             for note in made.notes:
                 out.print(note)
             out.print(f"rows, summary and picture: {self.output}")
