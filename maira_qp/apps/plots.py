@@ -176,11 +176,13 @@ def tradeoff_curve(
     residuals = np.maximum(np.asarray(pose_residuals, dtype=float), 1e-16)
     ax.plot(residuals, posture_costs, color=COLORS[0], marker="o", label="Weighted, by weight")
     for weight, x, y in zip(weights, residuals, posture_costs, strict=True):
-        ax.annotate(f"{weight:.0e}", (x, y), xytext=(5, 5), textcoords="offset points", fontsize=7)
+        label = np.format_float_scientific(weight, precision=1, trim="-", exp_digits=1)
+        ax.annotate(label, (x, y), xytext=(0, 6), textcoords="offset points", fontsize=7, rotation=60)
     if strict is not None:
         x, y = max(strict[0], 1e-16), strict[1]
         ax.plot([x], [y], color=COLORS[1], linestyle="", marker="*", markersize=14, label="Strict")
     ax.set_xscale("log")
+    ax.margins(x=0.08, y=0.14)
     ax.set(xlabel="pose residual [m and rad together]", ylabel="posture cost [rad²]")
     _finish(ax)
 

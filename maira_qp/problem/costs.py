@@ -131,10 +131,26 @@ class WeightedCost:
         )
 
 
-def objective_level(objective: Objective, at: Configuration, curvature: np.ndarray | float = 0.0) -> Level:
-    """An objective as a lower level, the curvature (n, n) of the rows above it added to its own Hessian."""
-    H = objective.hessian(at)
-    return Level(H + curvature, objective.gradient(at), H, objective.cost(at))
+def strict_levels(
+    cost: TaskCost, objectives: Sequence[Objective], at: Configuration, held: np.ndarray
+) -> tuple[Level, ...]:
+    """The tasks as level 1, the objectives as the levels below it; `held` (n,) marks the joints that a limit holds.
+
+    The Hessian of a lower level is that of its Lagrangian, its own plus the curvature of the tasks' rows times their
+    multipliers: on a curved self-motion the objective bends with the path.
+    """
+    pose = cost.level(at)
+    levels = [pose]
+    for objective in objectives:
+        gradient, H = objective.gradient(at), objective.hessian(at)
+        curvature = cost.curvature(at, multipliers(pose.rows, gradient, held))
+        levels.append(Level(H + curvature, gradient, H, objective.cost(at)))
+    return tuple(levels)
+
+
+def multipliers(rows: np.ndarray, gradient: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """Multipliers (m,) of the rows (m, n) that balance a gradient (n,) on the joints that no limit holds."""
+    return np.linalg.lstsq(rows[:, ~held].T, -gradient[~held], rcond=1e-6)[0]
 
 
 def tasks_toward(tasks: Sequence[FrameTask], target) -> TaskCost:

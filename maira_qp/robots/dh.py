@@ -85,7 +85,13 @@ class DHLink:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+    """A real number that a float can hold."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        return False
+    try:
+        return isinstance(float(value), float)
+    except OverflowError:
+        return False
 
 
 @dataclass(frozen=True)
@@ -117,6 +123,9 @@ class DHTable:
         lower.flags.writeable = upper.flags.writeable = False
         for key, value in {"links": made, "name": name, "joint_names": names, "lower": lower, "upper": upper}.items():
             object.__setattr__(self, key, value)
+
+    def __reduce__(self) -> tuple[type[DHTable], tuple[tuple[DHLink, ...], str]]:
+        return DHTable, (self.links, self.name)
 
     @staticmethod
     def from_file(path: str | Path) -> DHTable:

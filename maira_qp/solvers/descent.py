@@ -30,12 +30,18 @@ LEAST_DAMPING = 1e-9
 
 
 class Budget:
-    """What is left of a solve's iterations and time."""
+    """What a solve has spent, and who watches it."""
 
-    def __init__(self, deadline: float | None) -> None:
-        """A deadline [s] from now, or None."""
+    def __init__(self, deadline: float | None, observe: Callable[[np.ndarray], object] | None = None) -> None:
+        """A deadline [s] from now, or None; `observe` is called with every configuration (n,) that is visited."""
         self.iterations = 0
         self._end = None if deadline is None else time.monotonic() + deadline
+        self._observe = observe
+
+    def visit(self, at: Configuration) -> None:
+        """The solve has moved here."""
+        if self._observe is not None:
+            self._observe(at.q.copy())
 
     def late(self) -> bool:
         """The deadline has passed."""
@@ -79,6 +85,7 @@ def descend(
     """Lower the cost from a start until `reached`, or stalled, or out of iterations or time, or at a fixed point."""
     at, factor = start, 1.0
     level = cost.level(at)
+    budget.visit(at)
     for _ in range(max_iterations):
         if reached(at):
             return Descent(at, level.cost, True)
@@ -90,6 +97,7 @@ def descend(
         if trial is not None and value < level.cost:
             before, at = level.cost, trial
             level = cost.level(at)
+            budget.visit(at)
             factor = max(factor * ACCEPTED, FACTOR_RANGE[0])
             if stall is not None and stall.after(before, value):
                 break

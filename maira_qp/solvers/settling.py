@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maira_qp.problem.costs import TaskCost, WeightedCost, objective_level
+from maira_qp.problem.costs import TaskCost, WeightedCost, multipliers, strict_levels
 from maira_qp.problem.hierarchy import projected_gradient, solve_hierarchy
 from maira_qp.problem.limits import Bounds
 from maira_qp.problem.objectives import Objective
@@ -129,18 +129,10 @@ class _Walk:
     def _step_with(self, held: np.ndarray, at: Configuration, bounds: Bounds) -> np.ndarray:
         """The displacement (n,) with the curvature that belongs to the joints `held` (n,) by their limits."""
         self.budget.iterations += 1
-        pose = self.cost.level(at)
-        levels = [pose.damped(LEAST_DAMPING * float(np.abs(pose.H).max()))]
-        for objective in self.objectives:
-            curvature = self.cost.curvature(at, self._multipliers(objective, pose.rows, at, held))
-            levels.append(objective_level(objective, at, curvature))
+        pose, *below = strict_levels(self.cost, self.objectives, at, held)
+        levels = [pose.damped(LEAST_DAMPING * float(np.abs(pose.H).max())), *below]
         dq = solve_hierarchy(levels, bounds, self.setting.backend)
         return np.zeros_like(at.q) if dq is None else dq
-
-    def _multipliers(self, objective: Objective, rows: np.ndarray, at: Configuration, held: np.ndarray) -> np.ndarray:
-        """Multipliers (m,) of the pose's rows (m, n) that balance the objective's gradient where no limit does."""
-        free = ~held
-        return np.linalg.lstsq(rows[:, free].T, -objective.gradient(at)[free], rcond=1e-6)[0]
 
     def _restored(self, at: Configuration) -> Configuration | None:
         """The configuration brought back onto the pose; None where that fails."""
@@ -165,7 +157,7 @@ class _Walk:
         held = (limits.lower >= 0) | (limits.upper <= 0)
         for k, objective in enumerate(self.objectives):
             before = objective.cost(at)
-            gain = before - objective.cost(trial) + self._multipliers(objective, rows, at, held) @ regained
+            gain = before - objective.cost(trial) + multipliers(rows, objective.gradient(at), held) @ regained
             last = k == len(self.objectives) - 1
             if abs(gain) > (RESOLUTION if last else SAME) * (1 + abs(before)):
                 return bool(gain > 0)

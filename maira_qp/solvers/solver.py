@@ -101,20 +101,23 @@ class Solver:
     def __repr__(self) -> str:
         return f"Solver({self.robot!r}, redundancy={self.redundancy!r}, backend={self.backend!r})"
 
-    def solve(self, target: Any, q0: Any = None, rng: Rng = None) -> Solution:
+    def solve(
+        self, target: Any, q0: Any = None, rng: Rng = None, *, observe: Callable[[np.ndarray], object] | None = None
+    ) -> Solution:
         """Joint angles that put the tool at the target.
 
         Args:
             target: `pin.SE3` or (4, 4), T_base_tool [m].
             q0: start (n,) [rad or m]; None: a random one. A start outside the limits is moved onto them.
             rng: generator or seed of the random starts; None: seed 0, so that the same call gives the same answer.
+            observe: called with each configuration (n,) on the way, starts included, for pictures of the iteration.
 
         Raises `PoseError`, `ConfigurationError`, `OptionError` for what cannot be meant; the rest is a `Status`.
         """
         pose = self._target(target)
         start = None if q0 is None else real_array(q0, (self.robot.n,), "q0", ConfigurationError)
         stream = rng if isinstance(rng, np.random.Generator) else _seed(0 if rng is None else rng, "rng")
-        return self._solve(pose, start, lambda: np.random.default_rng(stream))
+        return self._solve(pose, start, lambda: np.random.default_rng(stream), observe)
 
     def solve_batch(self, targets: Any, q0: Any = None, seed: int = 0) -> BatchSolution:
         """`solve` for each of N targets, each with a random stream of its own, made from (seed, its index) alone.
@@ -159,10 +162,16 @@ class Solver:
         except PoseError as reason:
             raise PoseError(f"{name}{reason}") from None
 
-    def _solve(self, target: pin.SE3, q0: np.ndarray | None, rng: Callable[[], np.random.Generator]) -> Solution:
+    def _solve(
+        self,
+        target: pin.SE3,
+        q0: np.ndarray | None,
+        rng: Callable[[], np.random.Generator],
+        observe: Callable[[np.ndarray], object] | None = None,
+    ) -> Solution:
         """Search, settle, verdict."""
         setting, options = self._setting, self.options
-        budget = Budget(options.deadline)
+        budget = Budget(options.deadline, observe)
         cost = tasks_toward(self.tasks, target)
         start = None if q0 is None else setting.admitted(q0)
 

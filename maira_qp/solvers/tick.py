@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from maira_qp.problem.costs import TaskCost, WeightedCost, objective_level
+from maira_qp.problem.costs import TaskCost, WeightedCost, strict_levels
 from maira_qp.problem.hierarchy import solve_hierarchy
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.robots.configuration import Configuration
@@ -20,16 +20,15 @@ def tick(
     From inside the position limits the next configuration is inside them to the bit, and the velocity within the
     velocity limits to the bit always. A backend that fails leaves the arm where it is, as far as the limits allow.
     """
-    robot = setting.robot
+    robot, bounds = setting.robot, setting.bounds(at.q, dt)
     if isinstance(redundancy, Weighted):
-        first = WeightedCost(cost, redundancy.objective, redundancy.weight).level(at)
+        first, below = WeightedCost(cost, redundancy.objective, redundancy.weight).level(at), []
     else:
-        first = cost.level(at)
+        held = (at.q <= robot.lower) | (at.q >= robot.upper)
+        objectives = () if redundancy is None else redundancy.objectives
+        first, *below = strict_levels(cost, objectives, at, held)
     mu = setting.options.damping * first.squared_error + LEAST_DAMPING * float(np.abs(first.H).max())
-    levels = [first.damped(mu)]
-    if isinstance(redundancy, Strict):
-        levels += [objective_level(objective, at) for objective in redundancy.objectives]
-    bounds = setting.bounds(at.q, dt)
+    levels = [first.damped(mu), *below]
     dq = solve_hierarchy(levels, bounds, setting.backend)
     dq = np.clip(np.zeros(robot.n) if dq is None else dq, bounds.lower, bounds.upper)
     inside = (at.q >= robot.lower) & (at.q <= robot.upper)
