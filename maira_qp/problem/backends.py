@@ -67,6 +67,8 @@ class Backend:
         """The solution of a QP; a failure of any kind is a solution that says `found=False`."""
         if not qp.is_well_posed():
             return _nothing(qp, "the QP holds NaN or an empty interval")
+        if not qp.c.any() and (qp.lower <= 0).all() and (qp.upper >= 0).all() and (qp.h >= 0).all():
+            return QPSolution(qp, True, np.zeros_like(qp.c), np.zeros_like(qp.h), np.zeros_like(qp.c))
         unit, step, force = _unit_size(qp)
         near = _without_far_bounds(unit)
         try:

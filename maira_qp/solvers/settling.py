@@ -16,7 +16,7 @@ descends the weighted sum from there.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from maira_qp.problem.limits import Bounds
 from maira_qp.problem.objectives import Objective
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.robots.configuration import Configuration
-from maira_qp.solvers.descent import LEAST_DAMPING, Budget, descend
+from maira_qp.solvers.descent import Budget, descend
 from maira_qp.solvers.search import stationarity
 from maira_qp.solvers.setting import Setting
 
@@ -130,8 +130,8 @@ class _Walk:
         """The displacement (n,) with the curvature that belongs to the joints `held` (n,) by their limits."""
         self.budget.iterations += 1
         pose, *below = strict_levels(self.cost, self.objectives, at, held)
-        levels = [pose.damped(LEAST_DAMPING * float(np.abs(pose.H).max())), *below]
-        dq = solve_hierarchy(levels, bounds, self.setting.backend)
+        regained = replace(pose, c=np.zeros_like(pose.c))  # to 1e-11: what is left is not worth a displacement
+        dq = solve_hierarchy([regained, *below], bounds, self.setting.backend)
         return np.zeros_like(at.q) if dq is None else dq
 
     def _restored(self, at: Configuration) -> Configuration | None:
