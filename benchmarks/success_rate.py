@@ -31,7 +31,7 @@ for name, settings in STUDIES.items():
             study, f"output/benchmarks/{name}.jsonl", lambda done, task=task, bar=bar: bar.update(task, completed=done)
         )
     summaries = summarise(rows)
-    console = Console(record=True, width=160, highlight=False)
+    console = Console(record=True, width=160, markup=False, highlight=False)
     for table in tables(summaries):
         console.print(table)
     console.print(legend(settings, mq.Options()))

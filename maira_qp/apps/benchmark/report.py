@@ -90,17 +90,17 @@ def _narrow(s: Summary, several: bool) -> dict[str, str]:
 
 
 def picture(summaries: Sequence[Summary], path: str | Path) -> None:
-    """Strict success rates with their intervals, a block a stratum; that out of reach only if there is no other."""
+    """Strict success rates with their intervals: a block a stratum and a bar a method, or, where backends are compared,
+    a block a stratum and method and a bar a backend. What is out of reach is left out if there is anything else."""
     from maira_qp.apps import plots
 
-    groups = by_stratum(summaries)
-    shown = {stratum: group for stratum, group in groups.items() if stratum != OUT_OF_REACH} or groups
-    backends = {s.backend for s in summaries} - {NO_BACKEND}
-    counts = {
-        stratum: {_name(s, len(backends) > 1): (s.strict, s.count) for s in group} for stratum, group in shown.items()
-    }
-    bars = sum(len(group) for group in counts.values())
-    made = plots.figure(size=(8.0, 1.2 + 0.22 * bars))
+    shown = [s for s in summaries if s.stratum != OUT_OF_REACH] or summaries
+    several = len({s.backend for s in shown} - {NO_BACKEND}) > 1
+    counts: dict[str, dict[str, tuple[int, int]]] = {}
+    for s in shown:
+        block, bar = (f"{s.stratum}\n{s.method}", s.backend) if several else (s.stratum, s.method)
+        counts.setdefault(block, {})[bar] = (s.strict, s.count)
+    made = plots.figure(size=(8.0, 1.2 + 0.22 * len(shown)))
     plots.success_bars(made.axes[0], counts)
     plots.save(made, path)
 
@@ -121,9 +121,9 @@ def percent(rate: float) -> str:
     return f"{text} %"
 
 
-def short(value: float | None) -> str:
-    """Two digits of an error; a dash where there is none."""
-    return "-" if value is None else f"{value:.1e}" if math.isfinite(value) else "inf"
+def short(value: float) -> str:
+    """Two digits of an error."""
+    return f"{value:.1e}" if math.isfinite(value) else "inf"
 
 
 def flat(summary: Summary) -> dict[str, Any]:
