@@ -53,7 +53,7 @@ class TaskCost:
 
     def curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
         """`sum_k multipliers_k d2(W f)_k/dq2` (n, n), f the frames' poses: how the rows bend; multipliers (m,)."""
-        n = at.robot.n
+        n = at.n
         C, start = np.zeros((n, n)), 0
         for task in self.tasks:
             weights = np.zeros(6)

@@ -179,8 +179,6 @@ class ObstacleDistance(Objective):
 
 def finite_difference_hessian(objective: Objective, at: Configuration, step: float = 1e-5) -> np.ndarray:
     """Hessian (n, n) of an objective by central differences of its gradient, made symmetric; error about step^2."""
-    robot = at.robot
-    nudges = step * np.eye(robot.n)
-    H = np.array([objective.gradient(robot.at(at.q + dq)) - objective.gradient(robot.at(at.q - dq)) for dq in nudges])
-    H /= 2 * step
+    nudges = step * np.eye(at.n)
+    H = np.array([objective.gradient(at.moved(dq)) - objective.gradient(at.moved(-dq)) for dq in nudges]) / (2 * step)
     return 0.5 * (H + H.T)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
-if TYPE_CHECKING:
-    from maira_qp.robots.robot import Robot
+from maira_qp.robots.kinematics import Kinematics
 
 _AXES = pin.LOCAL_WORLD_ALIGNED
 _CROSS = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], float)
@@ -30,36 +28,45 @@ class Configuration:
     use: they share one Pinocchio `Data` a thread, which remembers whose kinematics it holds.
     """
 
-    __slots__ = ("_jacobians", "_placements", "q", "robot")
+    __slots__ = ("_jacobians", "_kinematics", "_placements", "q")
 
-    def __init__(self, robot: Robot, q: np.ndarray) -> None:
+    def __init__(self, kinematics: Kinematics, q: np.ndarray) -> None:
         """`q` (n,) [rad, or m] is copied and not checked: this runs in every iteration of a solver."""
-        self.robot = robot
+        self._kinematics = kinematics
         self.q = np.array(q, dtype=np.float64)
         self.q.setflags(write=False)
         self._placements: dict[int, pin.SE3] = {}
         self._jacobians: dict[int, np.ndarray] = {}
 
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self._kinematics.n
+
+    def moved(self, dq: np.ndarray) -> Configuration:
+        """The configuration q + dq, dq (n,) [rad, or m]."""
+        return Configuration(self._kinematics, self.q + dq)
+
     def placement(self, frame: str | None = None) -> pin.SE3:
         """Pose of a frame (None: the tip) in the base, a fresh copy. Raises `FrameError`."""
-        index = self.robot.frame_id(frame)
+        index = self._kinematics.frame_id(frame)
         placement = self._placements.get(index)
         if placement is None:
-            robot, scratch = self.robot, self.robot.per_thread.scratch
+            model, scratch = self._kinematics.model, self._kinematics.scratch
             if scratch.q is not self.q:
                 scratch.q = None  # nobody's, until it is done
-                pin.forwardKinematics(robot.model, scratch.data, self.q)
+                pin.forwardKinematics(model, scratch.data, self.q)
                 scratch.q = self.q
-            placement = self._placements[index] = pin.updateFramePlacement(robot.model, scratch.data, index)
+            placement = self._placements[index] = pin.updateFramePlacement(model, scratch.data, index)
         return placement.copy()
 
     def jacobian(self, frame: str | None = None) -> np.ndarray:
         """Jacobian (6, n) of a frame (None: the tip), linear rows first, base axes; read-only. Raises `FrameError`."""
-        index = self.robot.frame_id(frame)
+        index = self._kinematics.frame_id(frame)
         J = self._jacobians.get(index)
         if J is None:
-            robot = self.robot
-            J = pin.computeFrameJacobian(robot.model, robot.per_thread.scratch.data, self.q, index, _AXES)
+            model, scratch = self._kinematics.model, self._kinematics.scratch
+            J = pin.computeFrameJacobian(model, scratch.data, self.q, index, _AXES)
             if J.ndim == 1:  # of a robot with one joint
                 J = J.reshape(6, 1)
             J.setflags(write=False)
@@ -73,8 +80,8 @@ class Configuration:
         before j on the chain, and moves the tip for what is before it, `[w_j x v_i; 0]` (Bruyninckx and De Schutter,
         "Symbolic differentiation of the velocity mapping", 1996). Raises `FrameError`.
         """
-        n = self.robot.n
-        if self.robot.has_mimic:
+        n = self.n
+        if self._kinematics.has_mimic:
             return self._derivative_by_differences(frame)
         J = self.jacobian(frame)
         crosses = (J[3:].T @ _CROSS).reshape(n, 3, 3) @ J.reshape(2, 1, 3, n)  # [v or w, i, :, j] = w_i x column j
@@ -86,8 +93,7 @@ class Configuration:
 
     def _derivative_by_differences(self, frame: str | None, step: float = 1e-5) -> np.ndarray:
         """The same where mimic joints couple columns, and their order says nothing; error about 1e-10."""
-        nudges = step * np.eye(self.robot.n)
-        pairs = [(self.robot.at(self.q + dq), self.robot.at(self.q - dq)) for dq in nudges]
+        pairs = [(self.moved(dq), self.moved(-dq)) for dq in step * np.eye(self.n)]
         return np.array([ahead.jacobian(frame) - back.jacobian(frame) for ahead, back in pairs]) / (2 * step)
 
     def kinematic_hessian_product(self, frame: str | None, weights: np.ndarray) -> np.ndarray:
@@ -97,10 +103,10 @@ class Configuration:
         in base axes. It is the symmetric part of the weighted `jacobian_derivative`: for i before j
         `w_p . (w_i x v_j) + 1/2 w_phi . (w_i x w_j)`, with the weights w_p and w_phi. Raises `FrameError`.
         """
-        if self.robot.has_mimic:
+        if self._kinematics.has_mimic:
             C = np.tensordot(weights, self._derivative_by_differences(frame), (0, 1))
             return 0.5 * (C + C.T)
         J = self.jacobian(frame)
         across = ((weights * _HALF_TURNS).reshape(2, 3) @ _CROSS).reshape(6, 3).T
         C = J[3:].T @ (across @ J)  # w_i . (v_j x w_p + 1/2 w_j x w_phi)
-        return np.where(_before(self.robot.n), C, C.T)
+        return np.where(_before(self.n), C, C.T)

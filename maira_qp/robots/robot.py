@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import threading
 from collections.abc import Iterable, Mapping
 from typing import Any
 from xml.etree import ElementTree
@@ -14,29 +13,13 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.arrays import real_array
-from maira_qp.errors import ConfigurationError, FrameError, OptionError, RobotError, listed
+from maira_qp.errors import ConfigurationError, OptionError, RobotError
 from maira_qp.robots import catalog
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.dh import DHLink, DHTable
+from maira_qp.robots.kinematics import Kinematics
 from maira_qp.robots.urdf_reader import Chain, read_urdf
 from maira_qp.robots.urdf_writer import urdf_text
-
-
-class Scratch:
-    """Pinocchio's working memory, and the configuration whose forward kinematics it holds."""
-
-    __slots__ = ("data", "q")
-
-    def __init__(self, model: pin.Model) -> None:
-        self.data = model.createData()
-        self.q: np.ndarray | None = None
-
-
-class PerThread(threading.local):
-    """A `Scratch` for each thread that asks."""
-
-    def __init__(self, model: pin.Model) -> None:
-        self.scratch = Scratch(model)
 
 
 class Robot:
@@ -90,12 +73,7 @@ class Robot:
         self.middle = 0.5 * self._range[0] + 0.5 * self._range[1]
         self.middle.setflags(write=False)
         self.dh = dh
-        self.has_mimic = any(joint.shortname() == "JointModelMimic" for joint in self.model.joints)
-        self.per_thread = PerThread(self.model)
-        self._ids: dict[str | None, int] = {
-            frame: self.model.getFrameId(frame, pin.FrameType.BODY) for frame in self.frames
-        }
-        self._ids[None] = self._ids[self.tip]
+        self.kinematics = Kinematics(self.model, self.frames, self.tip, self.name)
         bodies = [f for f in self.model.frames if f.type == pin.FrameType.BODY]
         self.moved_links = tuple(
             next(f.name for f in bodies if f.parentJoint == joint) for joint in range(1, self.model.njoints)
@@ -130,7 +108,7 @@ class Robot:
 
     def at(self, q: np.ndarray) -> Configuration:
         """The robot at q (n,), a float64 array that is not checked: for loops that made it themselves."""
-        return Configuration(self, q)
+        return Configuration(self.kinematics, q)
 
     def forward(self, q: Any, frame: str | None = None) -> pin.SE3:
         """Pose of a frame (None: the tip) in the base at q (n,). Raises `ConfigurationError`, `FrameError`."""
@@ -173,10 +151,7 @@ class Robot:
 
     def frame_id(self, frame: str | None) -> int:
         """Pinocchio's index of a frame (None: the tip). Raises `FrameError`."""
-        try:
-            return self._ids[frame]
-        except (KeyError, TypeError):
-            raise FrameError(f"{frame!r} is not a frame of {self.name}; {listed(self.frames, str(frame))}") from None
+        return self.kinematics.frame_id(frame)
 
     def _checked(self, q: Any) -> np.ndarray:
         return real_array(q, (self.n,), "q", ConfigurationError)

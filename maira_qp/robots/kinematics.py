@@ -1,0 +1,54 @@
+"""A Pinocchio model made ready for many evaluations: frames by name, working memory by thread."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from maira_qp.errors import FrameError, listed
+
+
+class Scratch:
+    """Pinocchio's working memory, and the configuration whose forward kinematics it holds."""
+
+    __slots__ = ("data", "q")
+
+    def __init__(self, model: pin.Model) -> None:
+        self.data = model.createData()
+        self.q: np.ndarray | None = None
+
+
+class PerThread(threading.local):
+    """A `Scratch` for each thread that asks."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self.scratch = Scratch(model)
+
+
+class Kinematics:
+    """What a `Configuration` needs of its robot: the model, its frames, and memory that no two threads share."""
+
+    def __init__(self, model: pin.Model, frames: Sequence[str], tip: str, name: str) -> None:
+        """`frames` are the names of links that may be asked for; `tip` is one of them; `name` is the robot's."""
+        self.model = model
+        self.n = model.nv
+        self.has_mimic = any(joint.shortname() == "JointModelMimic" for joint in model.joints)
+        self._per_thread = PerThread(model)
+        self._name, self._frames = name, tuple(frames)
+        self._ids: dict[str | None, int] = {frame: model.getFrameId(frame, pin.FrameType.BODY) for frame in frames}
+        self._ids[None] = self._ids[tip]
+
+    @property
+    def scratch(self) -> Scratch:
+        """This thread's working memory."""
+        return self._per_thread.scratch
+
+    def frame_id(self, frame: str | None) -> int:
+        """Pinocchio's index of a frame (None: the tip). Raises `FrameError`."""
+        try:
+            return self._ids[frame]
+        except (KeyError, TypeError):
+            raise FrameError(f"{frame!r} is not a frame of {self._name}; {listed(self._frames, str(frame))}") from None
