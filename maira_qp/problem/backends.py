@@ -73,7 +73,7 @@ class Backend:
         near = _without_far_bounds(unit)
         try:
             answer = self._answer(near)
-            if near is not unit and answer.found and np.abs(answer.x).max() > FAR:
+            if near is not unit and answer.x is not None and np.abs(answer.x).max() > FAR:
                 answer = self._answer(unit)
         except Exception as reason:  # whatever a backend raises, its QP was not solved
             return _nothing(qp, f"{self.name}: {reason}")

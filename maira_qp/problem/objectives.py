@@ -170,7 +170,8 @@ class ObstacleDistance(Objective):
         offsets, d = self._distances(at)
         share = np.exp(-self.sharpness * (d - d.min()))
         away = offsets / np.maximum(d, 1e-12)[:, None] * (share / share.sum())[:, None]
-        return -sum(at.jacobian(frame)[:3].T @ a for frame, a in zip(self.frames or (), away, strict=True))
+        jacobians = np.array([at.jacobian(frame)[:3] for frame in self.frames or ()])
+        return -np.einsum("kij,ki->j", jacobians, away)
 
     def hessian(self, at: Configuration) -> np.ndarray:
         """By central differences of the gradient (n, n)."""

@@ -155,13 +155,13 @@ class _Walk:
         regained = self.cost.rows(trial)[1] - error
         limits = self.setting.bounds(trial.q)
         held = (limits.lower >= 0) | (limits.upper <= 0)
+        last = len(self.objectives) - 1
         for k, objective in enumerate(self.objectives):
             before = objective.cost(at)
             gain = before - objective.cost(trial) + multipliers(rows, objective.gradient(at), held) @ regained
-            last = k == len(self.objectives) - 1
-            if abs(gain) > (RESOLUTION if last else SAME) * (1 + abs(before)):
+            if abs(gain) > (RESOLUTION if k == last else SAME) * (1 + abs(before)):
                 return bool(gain > 0)
-        return self._projected_gradient(trial, k) < self._projected_gradient(at, k)
+        return self._projected_gradient(trial, last) < self._projected_gradient(at, last)
 
     def _projected_gradient(self, at: Configuration, priority: int) -> float:
         """Largest entry of an objective's gradient that the limits, the pose and the objectives above leave free."""

@@ -208,7 +208,7 @@ class Solver:
             active_limits=active_limits(self.robot, fresh.q),
             cost=self._objective_cost(fresh),
             projected_gradient=gradient,
-            start_projected=q0 is not None and not np.array_equal(q0, start),
+            start_projected=bool(start is not None and (start != q0).any()),
             backend=self.backend,
         )
 
