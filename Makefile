@@ -13,7 +13,7 @@ test: .venv/.ready ## run the tests
 lint: .venv/.ready ## style, types, and the import contract
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright
+	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
 examples: .venv/.ready ## run every example; pictures go to output/
