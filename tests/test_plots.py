@@ -100,7 +100,7 @@ def test_the_tradeoff_curve_shows_every_weight_and_the_strict_point(axes):
     plots.tradeoff_curve(axes, [1e-3, 1e-1], [1e-4, 1e-2], [0.9, 0.4], strict=(0.0, 1.0))
     np.testing.assert_allclose(axes.lines[0].get_xydata(), [[1e-4, 0.9], [1e-2, 0.4]])
     np.testing.assert_allclose(axes.lines[1].get_xydata(), [[1e-16, 1.0]])
-    assert [text.get_text() for text in axes.texts] == ["1e-03", "1e-01"]
+    assert [text.get_text() for text in axes.texts] == ["1e-3", "1e-1"]
     assert axes.get_xscale() == "log"
     assert "[" in axes.get_xlabel()
     assert "[rad²]" in axes.get_ylabel()
