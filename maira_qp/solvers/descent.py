@@ -32,11 +32,18 @@ LEAST_DAMPING = 1e-9
 class Budget:
     """What a solve has spent, and who watches it."""
 
-    def __init__(self, deadline: float | None, observe: Callable[[np.ndarray], object] | None = None) -> None:
+    def __init__(
+        self, deadline: float | None, observe: Callable[[np.ndarray], object] | None = None, iterations: int = 0
+    ) -> None:
         """A deadline [s] from now, or None; `observe` is called with every configuration (n,) that is visited."""
-        self.iterations = 0
+        self.iterations = iterations
         self._end = None if deadline is None else time.monotonic() + deadline
         self._observe = observe
+
+    @property
+    def has_deadline(self) -> bool:
+        """There is a clock to look at."""
+        return self._end is not None
 
     def visit(self, at: Configuration) -> None:
         """The solve has moved here."""

@@ -103,7 +103,7 @@ class BatchSolution:
     backend: str
 
     @staticmethod
-    def of(solutions: list[Solution], n: int, backend: str) -> BatchSolution:
+    def of(n: int, backend: str, solutions: list[Solution]) -> BatchSolution:
         """Stack solutions of a robot with n joints."""
         columns = {f.name: [getattr(s, f.name) for s in solutions] for f in fields(Solution)}
         types = {"success": bool, "start_projected": bool} | dict.fromkeys(
@@ -116,6 +116,37 @@ class BatchSolution:
         }
         arrays["q"] = arrays["q"].reshape(-1, n)
         return BatchSolution(**arrays, active_limits=columns["active_limits"], backend=backend)
+
+    @staticmethod
+    def of_search(
+        robot: Robot, backend: str, q: np.ndarray, outcome: np.ndarray, start_projected: np.ndarray
+    ) -> BatchSolution:
+        """From the configurations (N, n) and outcomes (N, 6) of the compiled search; what it did not reach is spent."""
+        reached, nan = outcome[:, 0] > 0, np.full(len(q), np.nan)
+        on_a_limit = (q <= robot.lower + ACTIVE_WITHIN) | (q >= robot.upper - ACTIVE_WITHIN)
+        return BatchSolution(
+            q=q,
+            success=reached,
+            status=np.where(reached, Status.CONVERGED, Status.BUDGET_SPENT).astype(np.int64),
+            position_error=outcome[:, 4].copy(),
+            orientation_error=outcome[:, 5].copy(),
+            iterations=outcome[:, 2].astype(np.int64),
+            restarts=outcome[:, 1].astype(np.int64),
+            condition_number=np.array([robot.condition_number(each) for each in q]),
+            active_limits=[
+                active_limits(robot, each) if on.any() else [] for each, on in zip(q, on_a_limit, strict=True)
+            ],
+            cost=nan,
+            projected_gradient=nan.copy(),
+            start_projected=start_projected,
+            backend=backend,
+        )
+
+    def put(self, i: int, solution: Solution) -> None:
+        """Make this the i-th answer."""
+        for f in fields(Solution):
+            if f.name != "backend":
+                getattr(self, f.name)[i] = getattr(solution, f.name)
 
     def __len__(self) -> int:
         return len(self.q)

@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
 from maira_qp.arrays import real_array
-from maira_qp.errors import ConfigurationError, OptionError, PoseError
-from maira_qp.problem.backends import Backend
+from maira_qp.errors import BackendError, ConfigurationError, OptionError, PoseError, listed
+from maira_qp.orientation import rigid_batch
+from maira_qp.problem.backends import Backend, available
 from maira_qp.problem.costs import TaskCost, tasks_toward
 from maira_qp.problem.limits import Limit, LinearLimit, PositionLimit, VelocityLimit
 from maira_qp.problem.pose import as_pose
@@ -26,11 +27,14 @@ from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
 from maira_qp.solvers.descent import Budget
 from maira_qp.solvers.options import Options
-from maira_qp.solvers.search import nearest, search, stationarity
+from maira_qp.solvers.search import Search, nearest, search, stationarity
 from maira_qp.solvers.setting import Setting
 from maira_qp.solvers.settling import settle
 from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, active_limits
 from maira_qp.solvers.tick import tick
+
+if TYPE_CHECKING:
+    from maira_qp.solvers.compiled import Compiled
 
 Rng = np.random.Generator | int | None
 
@@ -46,7 +50,7 @@ class Solver:
         tasks: Sequence[FrameTask] = (),
         limits: Sequence[Limit] = (),
         redundancy: Weighted | Strict | None = None,
-        backend: str | Backend = "daqp",
+        backend: str | Backend | None = None,
         options: Options | None = None,
     ) -> None:
         """A solver for a robot.
@@ -57,7 +61,9 @@ class Solver:
             tasks: further tasks, each with a target of its own, to be reached together with the first.
             limits: further limits, such as `LinearLimit(A, b)`; the joint limits always hold.
             redundancy: `Weighted(...)`, `Strict(...)`, or None: the pose alone.
-            backend: who solves each QP: the name of an installed backend of qpsolvers, or `Backend(name, settings)`.
+            backend: who solves each QP: the name of an installed backend of qpsolvers, or `Backend(name, settings)`;
+                "compiled": the search runs in compiled code, what it leaves by daqp; None: "compiled" for one task of
+                the tip of a serial chain without further limits, else "daqp".
             options: tolerances and budgets.
 
         Raises `OptionError`, `FrameError`, `BackendError`.
@@ -79,8 +85,13 @@ class Solver:
         self.tasks = tuple(tasks)
         self.redundancy = None if redundancy is None else redundancy.of(robot)
         own = (PositionLimit(robot.lower, robot.upper), VelocityLimit(robot.velocity_limit))
-        backend = backend if isinstance(backend, Backend) else Backend(backend)
-        self._setting = Setting(robot, (*own, *limits), backend, options or Options())
+        from maira_qp.solvers.compiled import Compiled  # heavy: Numba comes with it
+
+        options = options or Options()
+        self._compiled = _compiled(backend, Compiled.of(robot, self.tasks, len(limits), options))
+        if not isinstance(backend, Backend):
+            backend = Backend("daqp" if backend in (None, "compiled") else backend)
+        self._setting = Setting(robot, (*own, *limits), backend, options)
         self._setting.admitted(robot.middle)  # the limits leave something
 
     @property
@@ -95,8 +106,8 @@ class Solver:
 
     @property
     def backend(self) -> str:
-        """The QP backend's name."""
-        return self._setting.backend.name
+        """Who solves the QPs: "compiled", or the backend's name."""
+        return self._setting.backend.name if self._compiled is None else "compiled"
 
     def __repr__(self) -> str:
         return f"Solver({self.robot!r}, redundancy={self.redundancy!r}, backend={self.backend!r})"
@@ -110,33 +121,51 @@ class Solver:
             target: `pin.SE3` or (4, 4), T_base_tool [m].
             q0: start (n,) [rad or m]; None: a random one. A start outside the limits is moved onto them.
             rng: generator or seed of the random starts; None: seed 0, so that the same call gives the same answer.
-            observe: called with each configuration (n,) on the way, starts included, for pictures of the iteration.
+            observe: called with each configuration (n,) on the way, starts included, for pictures of the iteration;
+                with it, nothing runs in compiled code.
 
         Raises `PoseError`, `ConfigurationError`, `OptionError` for what cannot be meant; the rest is a `Status`.
         """
         pose = self._target(target)
         start = None if q0 is None else real_array(q0, (self.robot.n,), "q0", ConfigurationError)
-        stream = rng if isinstance(rng, np.random.Generator) else _seed(0 if rng is None else rng, "rng")
-        return self._solve(pose, start, lambda: np.random.default_rng(stream), observe)
+        seed = rng.integers(2**63) if isinstance(rng, np.random.Generator) else 0 if rng is None else rng
+        return self._solve(pose, start, _seed(seed, "rng"), 0, observe)
 
-    def solve_batch(self, targets: Any, q0: Any = None, seed: int = 0) -> BatchSolution:
+    def solve_batch(self, targets: Any, q0: Any = None, seed: int = 0, *, threads: int | None = None) -> BatchSolution:
         """`solve` for each of N targets, each with a random stream of its own, made from (seed, its index) alone.
 
         Args:
             targets: (N, 4, 4), or a sequence of `pin.SE3` and (4, 4) arrays.
             q0: a start (n,) for all, or (N, n) one each; None: random ones.
             seed: non-negative integer.
+            threads: how many threads the compiled engine may use; None: one a processor. No answer depends on it.
 
         Raises `PoseError`, `ConfigurationError` or `OptionError`, naming the target, before anything is solved.
         """
-        poses = [self._target(target, f"target {i}: ") for i, target in enumerate(_listed(targets))]
-        starts = _starts(q0, len(poses), self.robot.n)
+        T = _batch_of_targets(targets)
+        starts = _starts(q0, len(T), self.robot.n)
         seed = _seed(seed, "seed")
-        solutions = [
-            self._solve(pose, start, lambda i=i: np.random.default_rng([seed, i]))
-            for i, (pose, start) in enumerate(zip(poses, starts, strict=True))
-        ]
-        return BatchSolution.of(solutions, self.robot.n, self.backend)
+        if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
+            raise OptionError(f"threads must be a positive whole number, got {threads!r}")
+        poses = (pin.SE3(each[:3, :3], each[:3, 3]) for each in T)
+        if self._compiled is None or self.options.deadline is not None:
+            return BatchSolution.of(
+                self.robot.n,
+                self.backend,
+                [self._solve(pose, None if starts is None else starts[i], seed, i) for i, pose in enumerate(poses)],
+            )
+        admitted = None if starts is None else self.robot.clip_rows(starts)
+        rows = np.concatenate([T[:, :3, :3].reshape(-1, 9), T[:, :3, 3]], axis=1)
+        q, outcome = self._compiled.search_batch(rows, admitted, seed, threads)
+        moved = np.zeros(len(T), dtype=bool) if starts is None else (starts != admitted).any(axis=1)
+        batch = BatchSolution.of_search(self.robot, self.backend, q, outcome, moved)
+        for i, pose in enumerate(poses):
+            if self.redundancy is not None or not batch.success[i]:
+                found = self._compiled.found(q[i], outcome[i])
+                budget = Budget(None, iterations=int(outcome[i, 2]))
+                cost = tasks_toward(self.tasks, pose)
+                batch.put(i, self._finish(found, cost, self._reached(cost), budget, bool(moved[i])))
+        return batch
 
     def step(self, q: Any, target: Any, dt: float) -> Step:
         """One control tick of dt [s] from q (n,) toward the target, within position and velocity limits.
@@ -154,52 +183,65 @@ class Solver:
         position, orientation = _residual(cost, self.robot.at(q_next))
         return Step(velocity, q_next, position, orientation, active_limits(self.robot, q_next))
 
-    def _target(self, target: Any, name: str = "") -> pin.SE3:
+    def _target(self, target: Any) -> pin.SE3:
         if isinstance(target, Mapping):
-            raise PoseError(f"{name}one target a call, not a mapping; further frames go in Solver(tasks=[...])")
-        try:
-            return as_pose(target)
-        except PoseError as reason:
-            raise PoseError(f"{name}{reason}") from None
+            raise PoseError("one target a call, not a mapping; further frames go in Solver(tasks=[...])")
+        return as_pose(target)
 
     def _solve(
         self,
         target: pin.SE3,
         q0: np.ndarray | None,
-        rng: Callable[[], np.random.Generator],
+        seed: int,
+        index: int,
         observe: Callable[[np.ndarray], object] | None = None,
     ) -> Solution:
-        """Search, settle, verdict."""
-        setting, options = self._setting, self.options
-        budget = Budget(options.deadline, observe)
+        """Search, then settle and judge."""
+        budget = Budget(self.options.deadline, observe)
         cost = tasks_toward(self.tasks, target)
-        start = None if q0 is None else setting.admitted(q0)
+        reached = self._reached(cost)
+        start = None if q0 is None else self._setting.admitted(q0)
+        if self._compiled is not None and observe is None:
+            found = self._compiled.search(target, start, seed, index, budget)
+        else:
+            found = search(cost, start, self._setting, budget, lambda: np.random.default_rng([seed, index]), reached)
+        moved = bool(start is not None and (start != q0).any())
+        return self._finish(found, cost, reached, budget, moved)
+
+    def _reached(self, cost: TaskCost) -> Callable[[Configuration], bool]:
+        options = self.options
 
         def reached(at: Configuration) -> bool:
             position, orientation = _residual(cost, at)
             return position <= options.position_tolerance and orientation <= options.orientation_tolerance
 
-        found = search(cost, start, setting, budget, rng, reached)
-        at, stationary, gradient = found.best.at, False, math.nan
+        return reached
+
+    def _finish(
+        self,
+        found: Search,
+        cost: TaskCost,
+        reached: Callable[[Configuration], bool],
+        budget: Budget,
+        start_projected: bool,
+    ) -> Solution:
+        """From what the search found: the redundancy's optimum or the nearest point, and the verdict."""
+        setting, tolerance = self._setting, self.options.stationarity_tolerance
+        at, gradient = found.best.at, math.nan
         if not found.best.reached:
             at = nearest(cost, found.best, setting, budget).at
             gradient = stationarity(cost, at, setting)
-            stationary = gradient <= options.stationarity_tolerance
         elif self.redundancy is not None:
             settled = settle(self.redundancy, cost, at, setting, budget, reached)
             at, gradient = settled.at, settled.projected_gradient
-            stationary = gradient <= options.stationarity_tolerance
         fresh = self.robot.at(self.robot.clip(at.q))
         success = reached(fresh)
         position, orientation = _residual(cost, fresh)
-        if success:
-            status = Status.CONVERGED
-        else:
-            status = Status.NEAREST if stationary else Status.BUDGET_SPENT
+        stalled = Status.NEAREST if gradient <= tolerance else Status.BUDGET_SPENT
         return Solution(
             q=fresh.q.copy(),
             success=success,
-            status=status,
+            status=Status.CONVERGED if success else stalled,
             position_error=position,
             orientation_error=orientation,
             iterations=budget.iterations,
@@ -208,7 +250,7 @@ class Solver:
             active_limits=active_limits(self.robot, fresh.q),
             cost=self._objective_cost(fresh),
             projected_gradient=gradient,
-            start_projected=bool(start is not None and (start != q0).any()),
+            start_projected=start_projected,
             backend=self.backend,
         )
 
@@ -230,21 +272,33 @@ def _check_type(value: Any, types: Any, name: str, example: str) -> None:
         raise OptionError(f"{name} must be something like {example}, got {value!r:.80}")
 
 
+def _compiled(backend: object, possible: Compiled | str) -> Compiled | None:
+    """The compiled engine where it is asked for, or where nothing is asked for and it can. Raises `BackendError`."""
+    if isinstance(possible, str):
+        if backend == "compiled":
+            raise BackendError(f"the compiled engine cannot take this: {possible}; {listed(available())}")
+        return None
+    return possible if backend in (None, "compiled") else None
+
+
 def _seed(value: Any, name: str) -> int:
     if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 0:
         raise OptionError(f"{name} must be a non-negative integer (or, for rng, a Generator), got {value!r:.80}")
     return int(value)
 
 
-def _listed(targets: Any) -> list:
-    if isinstance(targets, (pin.SE3, str, bytes)) or not isinstance(targets, Iterable):
+def _batch_of_targets(targets: Any) -> np.ndarray:
+    """The targets of a batch as (N, 4, 4), checked. Raises `PoseError`."""
+    if isinstance(targets, (pin.SE3, str, bytes, Mapping)) or not isinstance(targets, Iterable):
         raise PoseError("targets must be a sequence of poses, (N, 4, 4); for one target use solve")
-    return list(targets)
+    if not isinstance(targets, np.ndarray):
+        targets = [each.homogeneous if isinstance(each, pin.SE3) else each for each in targets]
+    return rigid_batch(targets, "target") if len(targets) else np.empty((0, 4, 4))
 
 
-def _starts(q0: Any, count: int, n: int) -> Sequence[np.ndarray | None]:
+def _starts(q0: Any, count: int, n: int) -> np.ndarray | None:
     if q0 is None:
-        return [None] * count
+        return None
     if np.ndim(q0) == 1:
-        return [real_array(q0, (n,), "q0", ConfigurationError)] * count
-    return list(real_array(q0, (count, n), "q0", ConfigurationError))
+        return np.tile(real_array(q0, (n,), "q0", ConfigurationError), (count, 1))
+    return real_array(q0, (count, n), "q0", ConfigurationError)

@@ -102,7 +102,7 @@ def fingerprint(plan: Plan) -> dict[str, Any]:
 
 
 def _package(backend: str) -> str:
-    return {"proxqp": "proxsuite"}.get(backend, backend)
+    return {"proxqp": "proxsuite", "compiled": "numba"}.get(backend, backend)
 
 
 def _versions(*packages: str) -> dict[str, str | None]:

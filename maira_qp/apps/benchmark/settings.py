@@ -20,7 +20,7 @@ class Settings:
     methods: tuple[MethodName, ...] = METHODS
     """The references of the textbooks on the plain DH chain, and the solver: pose alone, weighted posture, strict."""
     backends: tuple[str, ...] = ("daqp",)
-    """QP backends of the solver's methods."""
+    """QP backends of the solver's methods: compiled, daqp, ..."""
     strata: tuple[Stratum, ...] = STRATA
     """Kinds of targets."""
     targets: int = 200

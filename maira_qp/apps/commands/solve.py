@@ -44,8 +44,9 @@ class Solve:
     """Joints near mid-range: no wish (none), traded for the pose at --weight, or as far as the pose allows (strict)."""
     weight: float | None = None
     """What the posture counts with --redundancy weighted beside the squared pose error; > 0; none: 1e-3."""
-    backend: str = "daqp"
-    """Who solves the QPs: daqp, proxqp, osqp, ... (an unknown name lists what is installed)."""
+    backend: str | None = None
+    """Who solves the QPs: compiled, daqp, proxqp, osqp, ... (an unknown name lists what is installed); none: compiled
+    where it can, else daqp."""
     seed: int = 0
     """Seed of the random starts; >= 0."""
     options: SolverFlags = field(default_factory=Options)
@@ -59,14 +60,14 @@ class Solve:
         from maira_qp.apps.commands.output import Angles, print_json
         from maira_qp.solvers.solver import Solver
 
-        rng = np.random.default_rng(checked_seed(self.seed))
+        seed = checked_seed(self.seed)
         redundancy = self._redundancy()
         robot = self.choice.load()
         angles = Angles(robot, self.deg)
         target = self._target(angles)
         q0 = None if self.q0 is None else angles.read(self.q0)
         solver = Solver(robot, redundancy=redundancy, backend=self.backend, options=self.options)
-        solution = solver.solve(target, q0=q0, rng=rng)
+        solution = solver.solve(target, q0=q0, rng=seed)
         if self.json:
             print_json(_as_json(robot, angles, solution))
         else:
