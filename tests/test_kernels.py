@@ -162,12 +162,12 @@ def test_an_indefinite_qp_is_told(rng):
     "task", [mq.PoseTask(), mq.PositionTask(), mq.OrientationTask()], ids=lambda t: type(t).__name__
 )
 def test_cost_and_model_are_those_of_the_task(robot, task, rng):
-    compiled = Compiled.of(robot, (task,), 0, mq.Options())
+    compiled = Compiled.of(robot, (task.of(robot),), 0, mq.Options())
     axes, origins, tool, e = arrays(robot.n)
     J, H, c = np.empty((robot.n, 6)), np.empty((robot.n, robot.n)), np.empty(robot.n)
     for _ in range(20):
         target, q = robot.forward(robot.random_configuration(rng)), robot.random_configuration(rng)
-        cost, at = TaskCost((task.toward(target),)), robot.at(q)
+        cost, at = TaskCost((task.of(robot).toward(target),)), robot.at(q)
         value = pose_cost(compiled.chain, compiled.settings, row_of(target), q, axes, origins, tool, e)
         jacobian(compiled.chain, axes, origins, tool, J)
         largest = quadratic_model(compiled.settings, J, e, H, c)
@@ -187,14 +187,14 @@ def test_cost_and_model_are_those_of_the_task(robot, task, rng):
 def test_the_descent_takes_the_steps_of_the_general_engine(robot, task, rng):
     """From the same start the same end, iteration count and verdict, reached or stalled or out of iterations."""
     options = mq.Options(max_iterations=25)
-    compiled = Compiled.of(robot, (task,), 0, options)
+    compiled = Compiled.of(robot, (task.of(robot),), 0, options)
     setting = mq.Solver(robot, backend="daqp", options=options)._setting
     differ = 0
     for _ in range(20):
         target, start = robot.forward(robot.random_configuration(rng)), robot.random_configuration(rng)
         q, row = start.copy(), row_of(target)
         cost, reached, iterations = descend(compiled.chain, compiled.settings, row, q)
-        tasks, budget = TaskCost((task.toward(target),)), general.Budget(None)
+        tasks, budget = TaskCost((task.of(robot).toward(target),)), general.Budget(None)
         end = general.descend(
             tasks,
             robot.at(start),
@@ -211,7 +211,7 @@ def test_the_descent_takes_the_steps_of_the_general_engine(robot, task, rng):
 
 
 def test_a_search_cut_into_calls_is_the_same_search(maira):
-    compiled = Compiled.of(maira, (mq.PoseTask(),), 0, mq.Options())
+    compiled = Compiled.of(maira, (mq.PoseTask().of(maira),), 0, mq.Options())
     row = row_of(mq.pose([2.5, 0, 0.4]))
     whole, q, outcome = (np.empty(7), np.empty(6)), np.empty(7), np.empty(6)
     search(compiled.chain, compiled.settings, row, q, False, 8, 0, 9, 5, 3, *whole)
@@ -225,7 +225,7 @@ def test_a_search_cut_into_calls_is_the_same_search(maira):
 
 
 def test_random_starts_fill_the_limits_and_differ_by_seed_index_and_attempt(maira):
-    compiled = Compiled.of(maira, (mq.PoseTask(),), 0, mq.Options())
+    compiled = Compiled.of(maira, (mq.PoseTask().of(maira),), 0, mq.Options())
     row, starts = row_of(maira.forward(np.zeros(7))), []
     for seed in range(3):
         for index in range(20):

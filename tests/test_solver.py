@@ -13,6 +13,7 @@ import maira_qp as mq
 from maira_qp.errors import BackendError, ConfigurationError, FrameError, OptionError, PoseError
 
 BACKENDS = ["daqp", "proxqp", "osqp", "piqp", "clarabel"]
+MAIRA = mq.Robot.maira().dh
 LOOSE_OSQP = mq.Backend("osqp", {"eps_abs": 1e-3, "eps_rel": 1e-3})  # its own defaults
 
 
@@ -104,12 +105,12 @@ def test_limits_and_verdict_hold_for_reachable_and_unreachable_targets(maira, ba
 
 
 def test_an_unreachable_target_gives_a_stationary_nearest_point(maira, rng):
-    """No small motion within the limits lowers the cost `1/2 (2 |dp|)^2 + 1/2 |dphi|^2`: tried in 300 directions."""
+    """No small motion within the limits lowers the cost `1/2 |W e|^2`: tried in 30 directions."""
     solver = mq.Solver(maira, options=mq.Options(max_restarts=5))
 
     def cost(q, target):
         error = mq.pose_error(maira.forward(q).homogeneous, target.homogeneous)
-        return 0.5 * np.sum((np.repeat([2.0, 1.0], 3) * error) ** 2)
+        return 0.5 * np.sum((solver.tasks[0].weights * error) ** 2)
 
     for k in range(10):
         target = maira.forward(maira.random_configuration(rng))
@@ -132,6 +133,29 @@ def test_the_nearest_point_to_a_far_away_position_is_at_full_stretch(maira):
     s = mq.Solver(maira, task=mq.PositionTask()).solve(mq.pose(target))
     assert s.status is mq.Status.NEAREST
     assert s.position_error == pytest.approx(np.linalg.norm(target - shoulder) - 1.515, abs=1e-6)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e-2, 100.0])
+def test_arms_of_any_size_are_the_same_problem(size, rng):
+    """MAIRA a thousand times smaller, a hundred times larger: every target reached, nearest points found."""
+    links = [mq.DHLink(d=size * link.d, alpha=link.alpha, lower=link.lower, upper=link.upper) for link in MAIRA.links]
+    robot = mq.Robot.from_dh(links)
+    options = mq.Options(position_tolerance=1e-6 * size, max_restarts=20)
+    for redundancy in (None, mq.Strict(mq.Posture())):
+        solver = mq.Solver(robot, redundancy=redundancy, options=options)
+        for k in range(15):
+            s = solver.solve(robot.forward(robot.random_configuration(rng)), rng=k)
+            assert s.success
+            assert redundancy is None or s.projected_gradient <= 1e-6
+        assert solver.solve(mq.pose([3 * size, 0, 0])).status is mq.Status.NEAREST
+    assert solver.solve(mq.pose([500 * size, 0, 0])).status is mq.Status.NEAREST
+
+
+def test_a_target_beyond_all_numbers_is_a_mistake(maira):
+    with pytest.raises(PoseError, match="times the arm's length"):
+        mq.Solver(maira).solve(mq.pose([1e308, 0, 0]))
+    with pytest.raises(PoseError, match="target 1 is 1e"):
+        mq.Solver(maira).solve_batch([mq.pose([1, 0, 0]), mq.pose([1e12, 0, 0])])
 
 
 def test_a_start_at_the_target_stays_there(maira, rng):
@@ -352,6 +376,9 @@ def test_what_cannot_be_meant_is_refused_with_a_reason(maira, call, error, messa
         ({"tasks": [mq.PoseTask()]}, OptionError, "target of its own"),
         ({"tasks": [mq.PoseTask(frame="hand", target=np.eye(4))]}, FrameError, "tool0"),
         ({"task": "pose"}, OptionError, "PoseTask"),
+        ({"task": mq.PoseTask(target=np.eye(4))}, OptionError, "leave it out"),
+        ({"tasks": mq.PoseTask(target=np.eye(4))}, OptionError, "a list"),
+        ({"limits": mq.LinearLimit(np.eye(7), np.ones(7))}, OptionError, "a list"),
         ({"limits": [3]}, OptionError, "LinearLimit"),
         ({"limits": [mq.LinearLimit(np.eye(6), np.ones(6))]}, OptionError, "7 columns"),
     ],
@@ -378,3 +405,5 @@ def test_options_know_their_ranges():
     with pytest.raises(TypeError):
         mq.Options(1e-3)
     assert mq.Options(max_restarts=0).max_restarts == 0
+    taken = mq.Options(max_iterations=2.0, max_restarts=np.int64(3), damping=np.float32(0.5))
+    assert [type(x) for x in (taken.max_iterations, taken.max_restarts, taken.damping)] == [int, int, float]

@@ -29,7 +29,7 @@ def test_the_gradient_is_that_of_the_true_cost_at_any_error(robot, task, rng):
     """`c = -J^T W^2 e` against differences of `1/2 |W e|^2`, targets near and far, the orientation off by up to pi."""
     for _ in range(10):
         target = robot.forward(robot.random_configuration(rng))
-        cost = TaskCost((task.toward(target),))
+        cost = TaskCost((task.of(robot).toward(target),))
         q = robot.random_configuration(rng)
         assert_close(cost.level(robot.at(q)).c, difference_gradient(lambda q, c=cost: c.value(robot.at(q)), q), 1e-6)
 
@@ -38,7 +38,7 @@ def test_the_gradient_is_that_of_the_true_cost_at_any_error(robot, task, rng):
 def test_the_jacobian_is_minus_the_errors_derivative_at_the_target(robot, task, rng):
     for _ in range(5):
         q = robot.random_configuration(rng)
-        bound = task.toward(robot.forward(q))
+        bound = task.of(robot).toward(robot.forward(q))
         moved = difference_jacobian(lambda q, t=bound: t.error(robot.at(q)), q)
         assert_close(bound.jacobian(robot.at(q)), -moved, 1e-7)
 
@@ -46,7 +46,7 @@ def test_the_jacobian_is_minus_the_errors_derivative_at_the_target(robot, task, 
 @pytest.mark.parametrize("task", TASKS, ids=lambda task: type(task).__name__)
 def test_the_exact_hessian_is_the_derivative_of_the_gradient(robot, task, rng):
     for _ in range(5):
-        tasks = TaskCost((task.toward(robot.forward(robot.random_configuration(rng))),))
+        tasks = TaskCost((task.of(robot).toward(robot.forward(robot.random_configuration(rng))),))
         q = robot.random_configuration(rng)
         H = ExactTaskCost(tasks).hessian(robot.at(q))
         assert_close(H, difference_jacobian(lambda q, t=tasks: t.level(robot.at(q)).c, q), 1e-5)
@@ -54,7 +54,7 @@ def test_the_exact_hessian_is_the_derivative_of_the_gradient(robot, task, rng):
 
 def test_the_weighted_cost_is_the_sum_and_its_gradient_too(robot, rng):
     objective = mq.Posture().of(robot)
-    tasks = TaskCost((mq.PoseTask(target=robot.forward(robot.random_configuration(rng))),))
+    tasks = TaskCost((mq.PoseTask(target=robot.forward(robot.random_configuration(rng))).of(robot),))
     cost = WeightedCost(tasks, objective, 0.3)
     q = robot.random_configuration(rng)
     at = robot.at(q)
@@ -65,8 +65,8 @@ def test_the_weighted_cost_is_the_sum_and_its_gradient_too(robot, rng):
 
 def test_several_tasks_stack(maira, rng):
     q, goal = maira.random_configuration(rng), maira.random_configuration(rng)
-    tip = mq.PoseTask(target=maira.forward(goal))
-    elbow = mq.PositionTask(frame="link4", target=maira.forward(goal, "link4"))
+    tip = mq.PoseTask(target=maira.forward(goal)).of(maira)
+    elbow = mq.PositionTask(frame="link4", target=maira.forward(goal, "link4")).of(maira)
     both, at = TaskCost((tip, elbow)), maira.at(q)
     assert both.value(at) == pytest.approx(TaskCost((tip,)).value(at) + TaskCost((elbow,)).value(at))
     assert both.level(at).rows.shape == (9, 7)
@@ -83,12 +83,21 @@ def test_the_residual_is_in_metres_and_radians_whatever_the_weights(maira):
     assert mq.OrientationTask(target=target).residual(at) == (0.0, pytest.approx(0.2))
 
 
-@pytest.mark.parametrize("weight", [0, -1, np.nan, np.inf, "2", None])
+@pytest.mark.parametrize("weight", [0, -1, np.nan, np.inf, "2", True])
 def test_a_weight_is_a_positive_number(weight):
     with pytest.raises(OptionError, match="position_weight"):
         mq.PoseTask(position_weight=weight)
     with pytest.raises(OptionError, match="orientation_weight"):
         mq.OrientationTask(orientation_weight=weight)
+
+
+def test_a_metre_counts_by_the_arms_length(maira):
+    """4 rad for the length of the arm, which is 1.953 m for MAIRA: an arm of any size is the same problem."""
+    assert maira.length == pytest.approx(0.438 + 0.7 + 0.7 + 0.115)
+    assert mq.PoseTask().of(maira).weights[0] == pytest.approx(4 / 1.953)
+    assert mq.PoseTask(position_weight=3).of(maira).weights[0] == 3
+    with pytest.raises(OptionError, match="weight"):
+        _ = mq.PoseTask().weights
 
 
 def test_a_target_of_its_own_is_checked_and_kept(maira):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from maira_qp.errors import OptionError
 from maira_qp.problem.objectives import Objective
 from maira_qp.robots.robot import Robot
@@ -23,7 +25,8 @@ class Weighted:
 
     def __post_init__(self) -> None:
         _check_objective(self.objective)
-        if not (isinstance(self.weight, (int, float)) and 0 < self.weight < math.inf):
+        number = isinstance(self.weight, (int, float, np.integer, np.floating)) and not isinstance(self.weight, bool)
+        if not (number and 0 < self.weight < math.inf):
             raise OptionError(f"the weight of Weighted must be a positive number, got {self.weight!r}")
 
     def of(self, robot: Robot) -> Weighted:

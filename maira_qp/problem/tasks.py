@@ -20,6 +20,7 @@ from maira_qp.errors import OptionError
 from maira_qp.orientation import orientation_error
 from maira_qp.problem.pose import as_pose
 from maira_qp.robots.configuration import Configuration
+from maira_qp.robots.robot import Robot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +35,13 @@ class FrameTask(ABC):
     def __post_init__(self) -> None:
         if self.target is not None:
             object.__setattr__(self, "target", as_pose(self.target))
+
+    def of(self, robot: Robot) -> FrameTask:
+        """The task with weights made for the robot's size. Raises `FrameError` for a frame that it does not have."""
+        robot.frame_id(self.frame)
+        if getattr(self, "position_weight", 0.0) is None:
+            return replace(self, position_weight=4.0 / robot.length)  # type: ignore[call-arg]
+        return self
 
     def toward(self, target: pin.SE3) -> FrameTask:
         """The same task with this target, unless it has one of its own."""
@@ -72,9 +80,17 @@ def frame_error(actual: pin.SE3, target: pin.SE3) -> np.ndarray:
     return e
 
 
-def _positive(**weights: float) -> None:
+def _known(weight: float | None) -> float:
+    if weight is None:
+        raise OptionError("the task has no position weight yet: task.of(robot) gives it one")
+    return float(weight)
+
+
+def _positive(**weights: float | None) -> None:
     for name, value in weights.items():
-        if not (isinstance(value, (int, float, np.number)) and 0 < value < math.inf):
+        if value is None and name == "position_weight":
+            continue
+        if isinstance(value, bool) or not (isinstance(value, (int, float, np.number)) and 0 < value < math.inf):
             raise OptionError(f"{name} must be a positive number, got {value!r}")
 
 
@@ -82,8 +98,8 @@ def _positive(**weights: float) -> None:
 class PoseTask(FrameTask):
     """Position and orientation of a frame (six rows)."""
 
-    position_weight: float = 2.0
-    """What an error of 1 m counts in rad; > 0 [rad/m]."""
+    position_weight: float | None = None
+    """What an error of 1 m counts in rad; > 0 [rad/m]; None: 4 rad for the arm's length, 2 rad/m for one of 2 m."""
     orientation_weight: float = 1.0
     """What an error of 1 rad counts; > 0."""
 
@@ -94,7 +110,7 @@ class PoseTask(FrameTask):
     @property
     def weights(self) -> np.ndarray:
         """Weights (6,)."""
-        return np.repeat([self.position_weight, self.orientation_weight], 3)
+        return np.repeat([_known(self.position_weight), float(self.orientation_weight)], 3)
 
     @property
     def rows(self) -> slice:
@@ -106,8 +122,8 @@ class PoseTask(FrameTask):
 class PositionTask(FrameTask):
     """Position of a frame alone; its orientation is free (three rows)."""
 
-    position_weight: float = 2.0
-    """What an error of 1 m counts; > 0 [rad/m]."""
+    position_weight: float | None = None
+    """What an error of 1 m counts; > 0 [rad/m]; None: 4 rad for the arm's length."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -116,7 +132,7 @@ class PositionTask(FrameTask):
     @property
     def weights(self) -> np.ndarray:
         """Weights (3,)."""
-        return np.repeat(float(self.position_weight), 3)
+        return np.repeat(_known(self.position_weight), 3)
 
     @property
     def rows(self) -> slice:

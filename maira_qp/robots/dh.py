@@ -109,6 +109,8 @@ class DHTable:
 
     def __init__(self, links: Iterable[DHLink | Mapping[str, Any]], name: str = "arm") -> None:
         """Links as `DHLink`s or as mappings of their fields. Raises `RobotError`."""
+        if isinstance(links, (str, bytes)) or not isinstance(links, Iterable):
+            raise RobotError(f"a DH table is made from a list of links, got {links!r:.80}")
         made = tuple(link if isinstance(link, DHLink) else _link(link, i) for i, link in enumerate(links, start=1))
         moving = [link for link in made if link.kind != "fixed"]
         if not moving:

@@ -52,6 +52,8 @@ class Robot:
     """Largest speeds (n,) [rad/s, or m/s], inf where there is no limit."""
     effort_limit: np.ndarray
     """Largest torques or forces (n,) [N m, or N], inf where there is no limit."""
+    length: float
+    """Length of the arm stretched out [m]: distances between its joints and to the tip, and prismatic ranges."""
     urdf: str
     """The description as normalised URDF, see `Chain`."""
     dh: DHTable | None
@@ -74,6 +76,7 @@ class Robot:
         self.middle.setflags(write=False)
         self.dh = dh
         self.kinematics = Kinematics(self.model, self.frames, self.tip, self.name)
+        self.length = _length(self.model, self.model.frames[self.frame_id(None)], self._range)
         bodies = [f for f in self.model.frames if f.type == pin.FrameType.BODY]
         self.moved_links = tuple(
             next(f.name for f in bodies if f.parentJoint == joint) for joint in range(1, self.model.njoints)
@@ -189,6 +192,19 @@ def _model(chain: Chain) -> pin.Model:
     model.lowerPositionLimit, model.upperPositionLimit = chain.lower, chain.upper
     model.velocityLimit, model.effortLimit = chain.velocity, chain.effort
     return model
+
+
+def _length(model: pin.Model, tip: pin.Frame, limits: tuple[np.ndarray, np.ndarray]) -> float:
+    """The arm's length [m]; 1 where all of its joints and its tip are in one point."""
+    length, joint = float(np.linalg.norm(tip.placement.translation)), tip.parentJoint
+    while joint > 0:
+        index = model.joints[joint].idx_q
+        if "P" in model.joints[joint].shortname().removeprefix("JointModel")[:1]:
+            length += float(limits[1][index] - limits[0][index])
+        if model.parents[joint] > 0:
+            length += float(np.linalg.norm(model.jointPlacements[joint].translation))
+        joint = model.parents[joint]
+    return length if length > 1e-12 else 1.0
 
 
 def _for_pinocchio(root: Element) -> str:

@@ -42,8 +42,8 @@ class Compiled:
     @staticmethod
     def of(robot: Robot, tasks: Sequence[FrameTask], extra_limits: int, options: Options) -> Compiled | str:
         """The problem's arrays, or the reason why the compiled engine cannot take it."""
-        if len(tasks) > 1 or tasks[0].target is not None:
-            return "it has more than the one task that a call names the target of"
+        if len(tasks) > 1:
+            return "it has more than one task"
         if extra_limits:
             return "it has limits beside those of the joints"
         if tasks[0].frame not in (None, robot.tip):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
+import numpy as np
+
 from maira_qp.errors import OptionError
 
 
@@ -42,10 +44,11 @@ class Options:
                 continue
             whole = f.name.startswith("max_") or f.name in ("start_candidates", "stall_steps")
             least = 0 if f.name in ("max_restarts", "max_settling") else 1
-            number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
             if whole and not (number and math.isfinite(value) and value == int(value) and value >= least):
                 raise OptionError(f"{f.name} must be a whole number >= {least}, got {value!r}")
             if not whole and not (number and 0 < value < math.inf):
                 raise OptionError(f"{f.name} must be a positive number, got {value!r}")
+            object.__setattr__(self, f.name, int(value) if whole else float(value))
         if not self.stall_ratio < 1:
             raise OptionError(f"stall_ratio must be below 1, got {self.stall_ratio!r}")

@@ -94,6 +94,7 @@ def nearest(cost: TaskCost, descent: Descent, setting: Setting, budget: Budget) 
 
 
 def stationarity(cost: Cost, at: Configuration, setting: Setting) -> float:
-    """Largest entry of the cost's gradient that the limits do not hold up."""
-    no_rows = np.empty((0, setting.robot.n))
-    return projected_gradient(cost.level(at).c, no_rows, setting.bounds(at.q), setting.backend)
+    """Largest entry of the cost's gradient that no limit holds up, relative to the error where that is large."""
+    level, no_rows = cost.level(at), np.empty((0, setting.robot.n))
+    left = projected_gradient(level.c, no_rows, setting.bounds(at.q), setting.backend)
+    return left / max(1.0, float(np.sqrt(level.squared_error)))

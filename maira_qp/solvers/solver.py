@@ -36,6 +36,9 @@ from maira_qp.solvers.tick import tick
 if TYPE_CHECKING:
     from maira_qp.solvers.compiled import Compiled
 
+FARTHEST = 1e9
+"""Targets farther away than this many lengths of the arm are a mistake, and beyond the numbers."""
+
 Rng = np.random.Generator | int | None
 
 
@@ -71,10 +74,13 @@ class Solver:
         _check_type(robot, Robot, "robot", "mq.Robot.maira() or mq.Robot.from_urdf(...)")
         _check_type(options, (Options, type(None)), "options", "mq.Options(...)")
         _check_type(redundancy, (Weighted, Strict, type(None)), "redundancy", "mq.Strict(mq.Posture())")
+        for name, value in (("tasks", tasks), ("limits", limits)):
+            _check_type(value, (list, tuple), name, "a list")
         tasks = (PoseTask() if task is None else task, *tasks)
         for number, each in enumerate(tasks):
             _check_type(each, FrameTask, "task", "mq.PoseTask(), mq.PositionTask(), mq.OrientationTask()")
-            robot.frame_id(each.frame or robot.tip)
+            if number == 0 and each.target is not None:
+                raise OptionError("the first task's target is the one that solve is called with; leave it out")
             if number > 0 and each.target is None:
                 raise OptionError("a further task needs a target of its own: mq.PoseTask(frame=..., target=...)")
         for limit in limits:
@@ -82,7 +88,7 @@ class Solver:
             if isinstance(limit, LinearLimit) and limit.A.shape[1] != robot.n:
                 raise OptionError(f"A of a LinearLimit needs {robot.n} columns, one a joint, not {limit.A.shape[1]}")
         self.robot = robot
-        self.tasks = tuple(tasks)
+        self.tasks = tuple(each.of(robot) for each in tasks)
         self.redundancy = None if redundancy is None else redundancy.of(robot)
         own = (PositionLimit(robot.lower, robot.upper), VelocityLimit(robot.velocity_limit))
         from maira_qp.solvers.compiled import Compiled  # heavy: Numba comes with it
@@ -143,6 +149,8 @@ class Solver:
         Raises `PoseError`, `ConfigurationError` or `OptionError`, naming the target, before anything is solved.
         """
         T = _batch_of_targets(targets)
+        for i in np.flatnonzero(np.abs(T[:, :3, 3]).max(axis=1, initial=0.0) > FARTHEST * self.robot.length):
+            _check_distance(T[i, :3, 3], self.robot.length, f"target {i}")
         starts = _starts(q0, len(T), self.robot.n)
         seed = _seed(seed, "seed")
         if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
@@ -186,7 +194,9 @@ class Solver:
     def _target(self, target: Any) -> pin.SE3:
         if isinstance(target, Mapping):
             raise PoseError("one target a call, not a mapping; further frames go in Solver(tasks=[...])")
-        return as_pose(target)
+        pose = as_pose(target)
+        _check_distance(pose.translation, self.robot.length, "target")
+        return pose
 
     def _solve(
         self,
@@ -259,6 +269,11 @@ class Solver:
             return math.nan
         first = self.redundancy.objectives[0] if isinstance(self.redundancy, Strict) else self.redundancy.objective
         return first.cost(at)
+
+
+def _check_distance(p: np.ndarray, length: float, name: str) -> None:
+    if np.abs(p).max() > FARTHEST * length:
+        raise PoseError(f"the {name} is {np.abs(p).max():.3g} m away, more than {FARTHEST:g} times the arm's length")
 
 
 def _residual(cost: TaskCost, at: Configuration) -> tuple[float, float]:
