@@ -72,3 +72,23 @@ def test_a_tick_of_any_length_is_finite(maira, rng):
         t = solver.step(maira.random_configuration(rng), maira.forward(maira.random_configuration(rng)), dt)
         assert np.isfinite(t.velocity).all()
         assert (np.abs(t.velocity) <= maira.velocity_limit).all()
+
+
+@pytest.mark.parametrize("redundancy", REDUNDANCIES, ids=["none", "strict", "weighted", "manipulability"])
+@pytest.mark.parametrize("arm", ["maira", "panda", "ur5"])
+def test_the_arm_comes_to_rest_whether_the_target_can_be_reached_or_not(arm, redundancy, rng):
+    """Within reach, a little and far out of it, half a turn away: after 800 ticks the joints stand still."""
+    robot = mq.Robot.maira() if arm == "maira" else load(arm)
+    solver = mq.Solver(robot, redundancy=redundancy)
+    start = robot.clip(robot.middle + 0.3)
+    near = robot.forward(robot.clip(start + 0.2 * rng.normal(size=robot.n)))
+    far, beyond, turned = near.copy(), near.copy(), near.copy()
+    far.translation *= 1.2 * robot.length / np.linalg.norm(far.translation)
+    beyond.translation *= 4 * robot.length / np.linalg.norm(beyond.translation)
+    turned.rotation = turned.rotation @ np.diag([1.0, -1.0, -1.0])
+    for target in (near, far, beyond, turned):
+        q = start
+        for _ in range(800):
+            t = solver.step(q, target, 0.02)
+            q = t.q
+        assert np.abs(t.velocity).max() < 1e-3

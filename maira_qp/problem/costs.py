@@ -17,6 +17,9 @@ from maira_qp.problem.objectives import Objective
 from maira_qp.problem.tasks import FrameTask
 from maira_qp.robots.configuration import Configuration
 
+HESSIAN_RANK_THRESHOLD = 1e-6
+"""As `RANK_THRESHOLD`, for the Hessian of an objective, which may be known by differences alone."""
+
 
 class Cost(Protocol):
     """A smooth function of the configuration to be minimised."""
@@ -143,8 +146,8 @@ def strict_levels(
     levels = [pose]
     for objective in objectives:
         gradient, H = objective.gradient(at), objective.hessian(at)
-        curvature = cost.curvature(at, multipliers(pose.rows, gradient, held))
-        levels.append(Level(H + curvature, gradient, H, objective.cost(at)))
+        H = H + cost.curvature(at, multipliers(pose.rows, gradient, held))
+        levels.append(Level(H, gradient, H, objective.cost(at), rank_threshold=HESSIAN_RANK_THRESHOLD))
     return tuple(levels)
 
 

@@ -46,6 +46,8 @@ class Level:
     cost: float = 0.0
     squared_error: float = 0.0
     """|W e|^2 of the tasks in it"""
+    rank_threshold: float = RANK_THRESHOLD
+    """Share of the largest singular value of `rows` below which one counts as zero"""
 
     def damped(self, mu: float) -> Level:
         """The same with `1/2 mu |dq|^2` added (Levenberg-Marquardt)."""
@@ -93,18 +95,29 @@ def solve_hierarchy(levels: Sequence[Level], bounds: Bounds, backend: Backend) -
 
     dq is inside the box to the bit. A level below the first that its backend cannot solve is left out.
     """
+    displacements = solve_each_level(levels, bounds, backend)
+    return displacements[-1] if displacements else None
+
+
+def solve_each_level(levels: Sequence[Level], bounds: Bounds, backend: Backend) -> list[np.ndarray]:
+    """The displacements (n,) of level 1 alone, of levels 1 and 2, and so on; none if level 1 could not be solved.
+
+    They end early where nothing is left for the next level to move.
+    """
     first = build_first(levels[0], bounds)
     solution = backend.solve(first.qp)
     if not solution.found:
-        return None
+        return []
     dq, Z = _shortened(first, solution.x, bounds), first.Z
+    displacements = [np.clip(dq, bounds.lower, bounds.upper)]
     for above, level in pairwise(levels):
-        Z = _subspace(Z, above.rows)
+        Z = _subspace(Z, above.rows, above.rank_threshold)
         if Z.shape[1] == 0:
             break
         below = build_next(level, bounds, dq, Z)
         dq = _shortened(below, _solve_in_null_space(below.qp, backend), bounds)
-    return np.clip(dq, bounds.lower, bounds.upper)
+        displacements.append(np.clip(dq, bounds.lower, bounds.upper))
+    return displacements
 
 
 def projected_gradient(gradient: np.ndarray, rows: np.ndarray, bounds: Bounds, backend: Backend) -> float:
@@ -125,20 +138,20 @@ def projected_gradient(gradient: np.ndarray, rows: np.ndarray, bounds: Bounds, b
     return float(np.abs(dq).max()) / scale
 
 
-def _subspace(Z: np.ndarray, rows: np.ndarray) -> np.ndarray:
+def _subspace(Z: np.ndarray, rows: np.ndarray, threshold: float = RANK_THRESHOLD) -> np.ndarray:
     """The part (n, k') of the subspace with basis Z (n, k) that the rows (m, n) do not feel."""
-    Z = Z @ null_space(rows @ Z)
+    Z = Z @ null_space(rows @ Z, threshold)
     Z[np.abs(Z) < RANK_THRESHOLD] = 0.0  # a joint that takes no part must not feel its limit
     return Z
 
 
-def null_space(A: np.ndarray) -> np.ndarray:
-    """Orthonormal basis (n, k) of the null space of A (m, n), its rank decided by `RANK_THRESHOLD`."""
+def null_space(A: np.ndarray, threshold: float = RANK_THRESHOLD) -> np.ndarray:
+    """Orthonormal basis (n, k) of the null space of A (m, n): singular values below this share of the largest are 0."""
     m, n = A.shape
     if m == 0 or n == 0:
         return np.eye(n)
     _, s, Vt = np.linalg.svd(A)
-    return Vt[int((s > RANK_THRESHOLD * s[0]).sum()) :].T if s[0] > 0 else np.eye(n)
+    return Vt[int((s > threshold * s[0]).sum()) :].T if s[0] > 0 else np.eye(n)
 
 
 def positive_part(H: np.ndarray) -> np.ndarray:
