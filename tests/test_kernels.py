@@ -9,13 +9,14 @@ from maira_qp.kernels.box_qp import solve_box_qp
 from maira_qp.kernels.chain import forward, jacobian
 from maira_qp.kernels.descent import descend, is_reached, pose_cost, quadratic_model
 from maira_qp.kernels.pose_error import pose_error
-from maira_qp.kernels.search import random_start, search, stream_of
+from maira_qp.kernels.search import random_start, search, search_batch, state_of
 from maira_qp.kernels.sine import sine_cosine
 from maira_qp.problem.backends import Backend
 from maira_qp.problem.costs import TaskCost
 from maira_qp.problem.qp import QP
 from maira_qp.solvers import descent as general
-from maira_qp.solvers.compiled import Compiled, chain_of, row_of
+from maira_qp.solvers.compiled import Compiled, chain_of
+from maira_qp.solvers.targets import row_of, stream_of
 
 ROBOTS = ["maira", "panda", "xarm7", "ur5_limited", "pr2_arm", "tiago", "kinova", "irb140", "talos_arm"]
 
@@ -214,24 +215,27 @@ def test_a_search_cut_into_calls_is_the_same_search(maira):
     compiled = Compiled.of(maira, (mq.PoseTask().of(maira),), 0, mq.Options())
     row = row_of(mq.pose([2.5, 0, 0.4]))
     whole, q, outcome = (np.empty(7), np.empty(6)), np.empty(7), np.empty(6)
-    search(compiled.chain, compiled.settings, row, q, False, 8, 0, 9, 5, 3, *whole)
+    stream = np.uint64(stream_of(row, 5))
+    search(compiled.chain, compiled.settings, row, q, False, 8, 0, 9, stream, *whole)
     parts = []
     for attempt in range(10):
-        search(compiled.chain, compiled.settings, row, q, False, 8, attempt, attempt, 5, 3, q, outcome)
+        search(compiled.chain, compiled.settings, row, q, False, 8, attempt, attempt, stream, q, outcome)
         parts.append((outcome[3], q.copy()))
     best = min(parts, key=lambda part: part[0])
     assert best[0] == whole[1][3]
     assert np.array_equal(best[1], whole[0])
 
 
-def test_random_starts_fill_the_limits_and_differ_by_seed_index_and_attempt(maira):
+def test_random_starts_fill_the_limits_and_differ_by_seed_target_and_attempt(maira):
     compiled = Compiled.of(maira, (mq.PoseTask().of(maira),), 0, mq.Options())
-    row, starts = row_of(maira.forward(np.zeros(7))), []
+    starts = []
     for seed in range(3):
-        for index in range(20):
+        for place in range(20):
+            row = row_of(mq.pose([0.1 * place, 0, 0]))
             for attempt in range(20):
-                q = np.empty(7)
-                random_start(compiled.chain, compiled.settings, row, 1, np.uint64(stream_of(seed, index, attempt)), q)
+                q, stream = np.empty(7), np.uint64(stream_of(row, seed))
+                state = np.uint64(state_of(stream, attempt))
+                random_start(compiled.chain, compiled.settings, row, 1, state, q)
                 starts.append(q)
     starts = np.array(starts)
     assert len(np.unique(starts, axis=0)) == 1200
@@ -241,3 +245,16 @@ def test_random_starts_fill_the_limits_and_differ_by_seed_index_and_attempt(mair
     # mean and spread of 1,200 uniform draws, within 4 standard errors
     assert np.abs(share.mean(axis=0) - 0.5).max() < 4 / np.sqrt(12 * 1200)
     assert np.abs(share.std(axis=0) - 1 / np.sqrt(12)).max() < 0.02
+
+
+def test_a_target_with_nan_costs_only_itself(maira, rng):
+    compiled = Compiled.of(maira, (mq.PoseTask().of(maira),), 0, mq.Options(max_restarts=5))
+    rows = np.array([row_of(maira.forward(maira.random_configuration(rng))) for _ in range(3)])
+    rows[1] = np.nan
+    q, outcome = np.zeros((3, 7)), np.empty((3, 6))
+    streams = np.arange(3, dtype=np.uint64)
+    search_batch(compiled.chain, compiled.settings, rows, q, False, 8, 100, streams, q, outcome)
+    assert outcome[:, 0].tolist() == [1, 0, 1]
+    assert np.isfinite(q).all()
+    assert (q >= maira.lower).all()
+    assert (q <= maira.upper).all()

@@ -75,9 +75,9 @@ def test_a_tick_of_any_length_is_finite(maira, rng):
 
 
 @pytest.mark.parametrize("redundancy", REDUNDANCIES, ids=["none", "strict", "weighted", "manipulability"])
-@pytest.mark.parametrize("arm", ["maira", "panda", "ur5"])
+@pytest.mark.parametrize("arm", ["maira", "ur5"])
 def test_the_arm_comes_to_rest_whether_the_target_can_be_reached_or_not(arm, redundancy, rng):
-    """Within reach, a little and far out of it, half a turn away: after 800 ticks the joints stand still."""
+    """Within reach, a little and far out of it, half a turn away: after 400 ticks the joints stand still."""
     robot = mq.Robot.maira() if arm == "maira" else load(arm)
     solver = mq.Solver(robot, redundancy=redundancy)
     start = robot.clip(robot.middle + 0.3)
@@ -88,7 +88,7 @@ def test_the_arm_comes_to_rest_whether_the_target_can_be_reached_or_not(arm, red
     turned.rotation = turned.rotation @ np.diag([1.0, -1.0, -1.0])
     for target in (near, far, beyond, turned):
         q = start
-        for _ in range(800):
-            t = solver.step(q, target, 0.02)
+        for _ in range(400):
+            t = solver.step(q, target, 0.05)
             q = t.q
         assert np.abs(t.velocity).max() < 1e-3

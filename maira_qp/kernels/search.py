@@ -1,7 +1,7 @@
 """Reach a pose from a start and from random ones: the compiled form of `maira_qp.solvers.search`.
 
-Every attempt has a random stream of its own, made from (seed, target's index, attempt) alone, so that an answer depends
-on neither threads, nor order, nor on how a search is cut into calls.
+Every attempt has a random stream of its own, made from the target's stream and the attempt's number alone, so that an
+answer depends on neither threads, nor order, nor on how a search is cut into calls.
 """
 
 from __future__ import annotations
@@ -23,10 +23,9 @@ def next_random(state):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def stream_of(seed, index, attempt):
+def state_of(stream, attempt):
     """The first state of an attempt's stream."""
-    bits, _ = next_random(uint64(seed))
-    bits, _ = next_random(uint64(bits ^ uint64(index)))
+    bits, _ = next_random(uint64(stream))
     bits, _ = next_random(uint64(bits ^ uint64(attempt)))
     return bits
 
@@ -52,7 +51,7 @@ def random_start(chain, settings, target, candidates, state, best):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def search(chain, settings, target, start, has_start, candidates, first, last, seed, index, q, outcome):
+def search(chain, settings, target, start, has_start, candidates, first, last, stream, q, outcome):
     """The best of the attempts first, ..., last into q (n,); attempt 0 begins at `start` (n,) if there is one.
 
     `outcome` (6,) becomes [reached, last attempt made, iterations, cost, position error, orientation error], the
@@ -66,7 +65,7 @@ def search(chain, settings, target, start, has_start, candidates, first, last, s
         if attempt == 0 and has_start:
             trial[:] = start
         else:
-            random_start(chain, settings, target, candidates, stream_of(seed, index, attempt), trial)
+            random_start(chain, settings, target, candidates, state_of(stream, attempt), trial)
         cost, reached, spent = descend(chain, settings, target, trial)
         iterations += spent
         if reached or cost < least:
@@ -83,12 +82,10 @@ def search(chain, settings, target, start, has_start, candidates, first, last, s
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def search_batch(chain, settings, targets, starts, has_start, candidates, last, seed, first_index, q, outcome):
-    """`search` for each of `targets` (N, 12) with the indices first_index, ...: q (N, n), outcome (N, 6).
+def search_batch(chain, settings, targets, starts, has_start, candidates, last, streams, q, outcome):
+    """`search` for each of `targets` (N, 12) from `starts` (N, n) with `streams` (N,): q (N, n), outcome (N, 6).
 
-    `starts` is (N, n), or (1, n) for all. A target with NaN costs only itself.
+    A target with NaN costs only itself.
     """
     for k in range(len(targets)):
-        start = starts[k] if len(starts) > 1 else starts[0]
-        index = first_index + k
-        search(chain, settings, targets[k], start, has_start, candidates, 0, last, seed, index, q[k], outcome[k])
+        search(chain, settings, targets[k], starts[k], has_start, candidates, 0, last, streams[k], q[k], outcome[k])

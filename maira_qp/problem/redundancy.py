@@ -36,7 +36,10 @@ class Weighted:
 
 @dataclass(frozen=True, init=False)
 class Strict:
-    """Each objective acts only where those before it, and the pose before all, are left exactly as they are."""
+    """Each objective acts only where those before it, and the pose before all, are left exactly as they are.
+
+    Where the pose cannot be reached the nearest point is returned as it was found, without regard to the objectives.
+    """
 
     objectives: tuple[Objective, ...]
 

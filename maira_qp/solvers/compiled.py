@@ -70,16 +70,15 @@ class Compiled:
         )
         return Compiled(robot, chain_of(robot), settings, int(options.start_candidates), int(options.max_restarts))
 
-    def search(self, target: pin.SE3, q0: np.ndarray | None, seed: int, index: int, budget: Budget) -> Search:
-        """The compiled form of `search.search`. With a deadline the clock is read between attempts."""
+    def search(self, row: np.ndarray, q0: np.ndarray | None, stream: int, budget: Budget) -> Search:
+        """The compiled form of `search.search` for a target (12,). With a deadline it looks up between attempts."""
         q, outcome = np.empty(self.robot.n), np.empty(6)
-        row = row_of(target)
         start = q if q0 is None else q0
         first, stride = 0, 0 if budget.has_deadline else self.last_attempt
         best: Descent | None = None
         while True:
             last = min(first + stride, self.last_attempt)
-            args = (start, q0 is not None, self.candidates, first, last, seed, index, q, outcome)
+            args = (start, q0 is not None, self.candidates, first, last, np.uint64(stream), q, outcome)
             search(self.chain, self.settings, row, *args)
             budget.iterations += int(outcome[2])
             found = self.found(q, outcome)
@@ -94,28 +93,31 @@ class Compiled:
         return Search(Descent(self.robot.at(q), float(outcome[3]), bool(outcome[0])), int(outcome[1]))
 
     def search_batch(
-        self, rows: np.ndarray, starts: np.ndarray | None, seed: int, threads: int | None
+        self, rows: np.ndarray, starts: np.ndarray | None, streams: np.ndarray, threads: int | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """q (N, n), outcomes (N, 6) of `maira_qp.kernels.search`; targets (N, 12), starts (N, n), (1, n) or None."""
+        """q (N, n), outcomes (N, 6) of `maira_qp.kernels.search`, of targets (N, 12) from starts (N, n) or None."""
         count, n = len(rows), self.robot.n
-        q, outcome = np.empty((count, n)), np.empty((count, 6))
-        given = np.zeros((1, n)) if starts is None else starts
+        q, outcome = np.zeros((count, n)), np.empty((count, 6))
+        given = q if starts is None else starts
 
         def run(first: int) -> None:
             part = slice(first, first + CHUNK)
-            begin = given[part] if len(given) > 1 else given
-            args = (begin, starts is not None, self.candidates, self.last_attempt, seed, first, q[part], outcome[part])
+            begin = given[part]
+            args = (
+                begin,
+                starts is not None,
+                self.candidates,
+                self.last_attempt,
+                streams[part],
+                q[part],
+                outcome[part],
+            )
             search_batch(self.chain, self.settings, rows[part], *args)
 
         with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
             for _ in pool.map(run, range(0, count, CHUNK)):
                 pass
         return q, outcome
-
-
-def row_of(target: pin.SE3) -> np.ndarray:
-    """A pose as (12,): R by rows, then p."""
-    return np.concatenate([target.rotation.ravel(), target.translation])
 
 
 def chain_of(robot: Robot) -> np.ndarray:

@@ -42,7 +42,7 @@ RESTORING = 6
 RESTORED = 0.5e-22
 """The pose counts as regained when its cost `1/2 |W e|^2` is below this: an error of 1e-11."""
 
-SAME = 1e-10
+SAME = 1e-12
 """Two values of a higher objective this near to each other leave the word to the next one."""
 
 RESOLUTION = 1e-14

@@ -40,7 +40,7 @@ _MEANINGS = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solution:
     """The answer to one target. `q` is finite and inside the limits to the bit, whatever the status."""
 
@@ -66,13 +66,16 @@ class Solution:
     projected_gradient: float
     """Largest entry of the gradient that no constraint holds up, of what was minimised last: the redundancy's objective
     along the self-motion (Strict), the weighted sum (Weighted), the pose error (not reached); NaN where nothing was"""
+    optimal: bool
+    """What was minimised last is stationary: its projected gradient is within its tolerance; the pose alone: reached.
+    False with success: the pose is reached, but the redundancy is not settled (at a singular pose it may never be)"""
     start_projected: bool
     """The given start `q0` was outside the limits and was moved onto them."""
     backend: str
     """Who solved the QPs"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BatchSolution:
     """The answers to N targets: the fields of `Solution` with a leading axis N; `batch[i]` is a `Solution`."""
 
@@ -98,6 +101,8 @@ class BatchSolution:
     """(N,)"""
     projected_gradient: np.ndarray
     """(N,)"""
+    optimal: np.ndarray
+    """(N,) of bool"""
     start_projected: np.ndarray
     """(N,) of bool"""
     backend: str
@@ -106,9 +111,8 @@ class BatchSolution:
     def of(n: int, backend: str, solutions: list[Solution]) -> BatchSolution:
         """Stack solutions of a robot with n joints."""
         columns = {f.name: [getattr(s, f.name) for s in solutions] for f in fields(Solution)}
-        types = {"success": bool, "start_projected": bool} | dict.fromkeys(
-            ("status", "iterations", "restarts"), np.int64
-        )
+        types: dict[str, type] = dict.fromkeys(("success", "optimal", "start_projected"), bool)
+        types |= dict.fromkeys(("status", "iterations", "restarts"), np.int64)
         arrays = {
             key: np.array(column, dtype=types.get(key, float))
             for key, column in columns.items()
@@ -138,6 +142,7 @@ class BatchSolution:
             ],
             cost=nan,
             projected_gradient=nan.copy(),
+            optimal=reached.copy(),
             start_projected=start_projected,
             backend=backend,
         )
@@ -167,6 +172,7 @@ class BatchSolution:
             active_limits=list(self.active_limits[i]),
             cost=float(self.cost[i]),
             projected_gradient=float(self.projected_gradient[i]),
+            optimal=bool(self.optimal[i]),
             start_projected=bool(self.start_projected[i]),
             backend=self.backend,
         )
@@ -175,7 +181,7 @@ class BatchSolution:
         return (self[i] for i in range(len(self)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Step:
     """One control tick."""
 

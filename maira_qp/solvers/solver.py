@@ -31,6 +31,7 @@ from maira_qp.solvers.search import Search, nearest, search, stationarity
 from maira_qp.solvers.setting import Setting
 from maira_qp.solvers.settling import settle
 from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, active_limits
+from maira_qp.solvers.targets import row_of, stream_of
 from maira_qp.solvers.tick import tick
 
 if TYPE_CHECKING:
@@ -135,10 +136,13 @@ class Solver:
         pose = self._target(target)
         start = None if q0 is None else real_array(q0, (self.robot.n,), "q0", ConfigurationError)
         seed = rng.integers(2**63) if isinstance(rng, np.random.Generator) else 0 if rng is None else rng
-        return self._solve(pose, start, _seed(seed, "rng"), 0, observe)
+        return self._solve(pose, start, _seed(seed, "rng"), observe)
 
     def solve_batch(self, targets: Any, q0: Any = None, seed: int = 0, *, threads: int | None = None) -> BatchSolution:
-        """`solve` for each of N targets, each with a random stream of its own, made from (seed, its index) alone.
+        """`solve` for each of N targets: `batch[i].q` is that of `solve(targets[i], q0, rng=seed)`, to the bit.
+
+        Each target has a random stream of its own, made from the seed and the target itself, so that no answer depends
+        on the order of the batch, on how it is split, or on the number of threads.
 
         Args:
             targets: (N, 4, 4), or a sequence of `pin.SE3` and (4, 4) arrays.
@@ -160,11 +164,12 @@ class Solver:
             return BatchSolution.of(
                 self.robot.n,
                 self.backend,
-                [self._solve(pose, None if starts is None else starts[i], seed, i) for i, pose in enumerate(poses)],
+                [self._solve(pose, None if starts is None else starts[i], seed) for i, pose in enumerate(poses)],
             )
         admitted = None if starts is None else self.robot.clip_rows(starts)
         rows = np.concatenate([T[:, :3, :3].reshape(-1, 9), T[:, :3, 3]], axis=1)
-        q, outcome = self._compiled.search_batch(rows, admitted, seed, threads)
+        streams = np.array([stream_of(row, seed) for row in rows], dtype=np.uint64)
+        q, outcome = self._compiled.search_batch(rows, admitted, streams, threads)
         moved = np.zeros(len(T), dtype=bool) if starts is None else (starts != admitted).any(axis=1)
         batch = BatchSolution.of_search(self.robot, self.backend, q, outcome, moved)
         for i, pose in enumerate(poses):
@@ -203,7 +208,6 @@ class Solver:
         target: pin.SE3,
         q0: np.ndarray | None,
         seed: int,
-        index: int,
         observe: Callable[[np.ndarray], object] | None = None,
     ) -> Solution:
         """Search, then settle and judge."""
@@ -211,10 +215,12 @@ class Solver:
         cost = tasks_toward(self.tasks, target)
         reached = self._reached(cost)
         start = None if q0 is None else self._setting.admitted(q0)
+        row = row_of(target)
+        stream = stream_of(row, seed)
         if self._compiled is not None and observe is None:
-            found = self._compiled.search(target, start, seed, index, budget)
+            found = self._compiled.search(row, start, stream, budget)
         else:
-            found = search(cost, start, self._setting, budget, lambda: np.random.default_rng([seed, index]), reached)
+            found = search(cost, start, self._setting, budget, lambda: np.random.default_rng(stream), reached)
         moved = bool(start is not None and (start != q0).any())
         return self._finish(found, cost, reached, budget, moved)
 
@@ -247,7 +253,8 @@ class Solver:
         fresh = self.robot.at(self.robot.clip(at.q))
         success = reached(fresh)
         position, orientation = _residual(cost, fresh)
-        stalled = Status.NEAREST if gradient <= tolerance else Status.BUDGET_SPENT
+        optimal = gradient <= tolerance or (success and self.redundancy is None)
+        stalled = Status.NEAREST if optimal else Status.BUDGET_SPENT
         return Solution(
             q=fresh.q.copy(),
             success=success,
@@ -260,6 +267,7 @@ class Solver:
             active_limits=active_limits(self.robot, fresh.q),
             cost=self._objective_cost(fresh),
             projected_gradient=gradient,
+            optimal=optimal,
             start_projected=start_projected,
             backend=self.backend,
         )

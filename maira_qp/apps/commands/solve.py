@@ -147,6 +147,8 @@ def _show(robot: Robot, angles: Angles, s: Solution) -> None:
 
     out = console()
     out.print(f"{s.status.name}: {s.status.meaning}", style="bold green" if s.success else "bold yellow")
+    if s.success and not s.optimal:
+        out.print("the redundancy was not settled: a better posture for this pose may exist nearby")
     if s.start_projected:
         out.print("the start --q0 was outside the joint limits and was moved onto them")
     remarks = [
