@@ -139,12 +139,13 @@ def exact_rotation(R: np.ndarray, name: str, *, project: bool = False) -> np.nda
     is not orthonormal to `ORTHONORMAL_WITHIN`.
     """
     scale = np.abs(R).max()
-    singular_values = np.linalg.svd(R / scale, compute_uv=False) if scale > 0 else np.zeros(3)
-    if singular_values[2] <= 1e-6 * singular_values[0]:
-        raise PoseError(f"the rotation part of the {name} is singular: no rotation is nearest to it")
+    deviation = orthonormality_deviation(R) if scale < 1e100 else math.inf
+    if deviation > ORTHONORMAL_WITHIN:
+        singular_values = np.linalg.svd(R / scale, compute_uv=False) if scale > 0 else np.zeros(3)
+        if singular_values[2] <= 1e-6 * singular_values[0]:
+            raise PoseError(f"the rotation part of the {name} is singular: no rotation is nearest to it")
     if np.linalg.det(R / scale) < 0:
         raise PoseError(f"the rotation part of the {name} has a negative determinant: it is a reflection")
-    deviation = orthonormality_deviation(R) if scale < 1e100 else math.inf
     if deviation > ORTHONORMAL_WITHIN and not project:
         raise PoseError(
             f"the rotation part of the {name} is not orthonormal: max |R R^T - I| = {deviation:.3g} "

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -44,8 +45,12 @@ class FrameTask(ABC):
         return self
 
     def toward(self, target: pin.SE3) -> FrameTask:
-        """The same task with this target, unless it has one of its own."""
-        return self if self.target is not None else replace(self, target=target)
+        """The same task with this target, which is not checked again, unless it has one of its own."""
+        if self.target is not None:
+            return self
+        bound = copy(self)
+        object.__setattr__(bound, "target", target)
+        return bound
 
     @property
     @abstractmethod
