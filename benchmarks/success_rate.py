@@ -19,7 +19,9 @@ from maira_qp.problem.backends import available
 
 STUDIES = {
     "methods": Settings(targets=100),
-    "backends": Settings(methods=("pose", "strict"), backends=("compiled", *available()), strata=("uniform",), targets=300),
+    "backends": Settings(
+        methods=("pose", "strict"), backends=("compiled", *available()), strata=("uniform",), targets=300
+    ),
 }
 HERE = Path(__file__).parent
 

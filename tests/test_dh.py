@@ -209,6 +209,7 @@ def test_tables_come_from_files(tmp_path):
         ("a.yaml", "", "needs a list `links`"),
         ("a.yaml", "links: 3", "needs a list `links`"),
         ("a.yaml", "links: [3]", "link 1 must be a DHLink or a mapping"),
+        ("a.yaml", "links: [{a: 1e-3}]", r"got '1e-3' \(YAML reads 1e-3 as text: write 1\.0e-3\)"),
         ("a.yaml", "links: [{a: 1}, {a: x}]", "link 2: DH parameter a must be a finite number, got 'x'"),
         ("a.toml", "links = [{a = nan}]", "link 1: DH parameter a must be a finite number"),
         ("a.toml", "limks = []\nlinks = [{a = 1}]", "unknown entries limks; valid: name, links"),

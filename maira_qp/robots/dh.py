@@ -62,7 +62,8 @@ class DHLink:
         for key in ("a", "alpha", "d", "theta"):
             value = getattr(self, key)
             if not _is_number(value) or not math.isfinite(value):
-                raise RobotError(f"DH parameter {key} must be a finite number, got {value!r}")
+                hint = " (YAML reads 1e-3 as text: write 1.0e-3)" if isinstance(value, str) else ""
+                raise RobotError(f"DH parameter {key} must be a finite number, got {value!r}{hint}")
         default = {"revolute": math.pi, "continuous": math.inf, "fixed": 0.0}.get(self.kind)
         if self.kind in ("continuous", "fixed") and (self.lower is not None or self.upper is not None):
             raise RobotError(f"a {self.kind} joint has no limits; use kind='revolute' for a limited one")
