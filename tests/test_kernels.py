@@ -1,10 +1,15 @@
 """Every kernel against its slow, obvious twin."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from conftest import load
 
 import maira_qp as mq
+from maira_qp.kernels import compilation
 from maira_qp.kernels.box_qp import solve_box_qp
 from maira_qp.kernels.chain import forward, jacobian
 from maira_qp.kernels.descent import descend, is_reached, pose_cost, quadratic_model
@@ -258,3 +263,11 @@ def test_a_target_with_nan_costs_only_itself(maira, rng):
     assert np.isfinite(q).all()
     assert (q >= maira.lower).all()
     assert (q <= maira.upper).all()
+
+
+def test_kernels_compile_where_there_is_no_folder_for_the_cache(tmp_path):
+    """A read-only package and no home: slower to start, but no failure."""
+    source = Path(compilation.__file__).read_text(encoding="utf-8")
+    script = f"{source}\n\ndef double(x):\n    return 2 * x\n\nassert kernel(double)(21) == 42\n"
+    run = subprocess.run([sys.executable, "-"], input=script, text=True, capture_output=True, check=False)
+    assert run.returncode == 0, run.stderr  # a script from standard input has no file to keep a cache beside

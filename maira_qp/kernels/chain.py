@@ -7,15 +7,14 @@ holds the placement of the tool behind the last joint.
 
 from __future__ import annotations
 
-from numba import njit
-
+from maira_qp.kernels.compilation import kernel
 from maira_qp.kernels.sine import sine_cosine
 
 ROW = 15
 PRISMATIC, LOWER, UPPER = 12, 13, 14
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@kernel
 def forward(chain, q, axes, origins, tool):
     """Tool pose, R by rows and p, into `tool` (12,); joint axes and origins in base axes into their arrays (n, 3)."""
     n = len(q)
@@ -63,7 +62,7 @@ def forward(chain, q, axes, origins, tool):
     tool[9], tool[10], tool[11] = px, py, pz
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@kernel
 def jacobian(chain, axes, origins, tool, J):
     """Geometric Jacobian into J (n, 6), transposed: row i is [linear, angular] of joint i, base axes."""
     for i in range(len(axes)):

@@ -6,10 +6,10 @@ From the same start and settings it takes the same steps; the algorithm and its 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from maira_qp.kernels.box_qp import solve_box_qp
 from maira_qp.kernels.chain import LOWER, UPPER, forward, jacobian
+from maira_qp.kernels.compilation import kernel
 from maira_qp.kernels.pose_error import pose_error
 
 # the entries of `settings`
@@ -20,7 +20,7 @@ ACCEPTED, REFUSED, LEAST_FACTOR, MOST_FACTOR, LEAST_DAMPING = 8, 9, 10, 11, 12
 SETTINGS = 13
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@kernel
 def pose_cost(chain, settings, target, q, axes, origins, tool, e):
     """`1/2 |W e|^2` at q (n,); the kinematics and the error are left in the arrays."""
     forward(chain, q, axes, origins, tool)
@@ -29,7 +29,7 @@ def pose_cost(chain, settings, target, q, axes, origins, tool, e):
     return 0.5 * (p * p * (e[0] * e[0] + e[1] * e[1] + e[2] * e[2]) + o * o * (e[3] * e[3] + e[4] * e[4] + e[5] * e[5]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@kernel
 def is_reached(settings, e):
     """The error (6,) is within the tolerances, a part with weight 0 being free."""
     position = np.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
@@ -39,7 +39,7 @@ def is_reached(settings, e):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@kernel
 def quadratic_model(settings, J, e, H, c):
     """Gauss-Newton's H (n, n) and c (n,) from the transposed Jacobian J (n, 6) and e (6,); the largest entry of |H|."""
     n = len(c)
@@ -57,7 +57,7 @@ def quadratic_model(settings, J, e, H, c):
     return largest
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@kernel
 def descend(chain, settings, target, q):
     """Descend from q (n,), in place. Returns the cost, whether the target is reached, and the iterations."""
     n = len(q)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from maira_qp.kernels.compilation import kernel
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@kernel
 def pose_error(tool, target, e):
     """Error of a pose (12,), R by rows and p, against the target (12,) into e (6,): [p_d - p; 2 log(quat(R_d R^T))]."""
     e[0], e[1], e[2] = target[9] - tool[9], target[10] - tool[10], target[11] - tool[11]

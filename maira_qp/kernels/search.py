@@ -7,13 +7,14 @@ answer depends on neither threads, nor order, nor on how a search is cut into ca
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, uint64
+from numba import uint64
 
 from maira_qp.kernels.chain import LOWER, UPPER
+from maira_qp.kernels.compilation import kernel
 from maira_qp.kernels.descent import ORIENTATION_WEIGHT, POSITION_WEIGHT, descend, is_reached, pose_cost
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@kernel
 def next_random(state):
     """The next 64 bits of a stream, and its new state (Steele, Lea and Flood, "splitmix64", OOPSLA 2014)."""
     state = uint64(state + uint64(0x9E3779B97F4A7C15))
@@ -22,7 +23,7 @@ def next_random(state):
     return uint64(z ^ (z >> uint64(31))), state
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@kernel
 def state_of(stream, attempt):
     """The first state of an attempt's stream."""
     bits, _ = next_random(uint64(stream))
@@ -30,7 +31,7 @@ def state_of(stream, attempt):
     return bits
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@kernel
 def random_start(chain, settings, target, candidates, state, best):
     """The best by cost of a few random configurations, into `best` (n,); a joint without limits starts in one turn."""
     n = len(best)
@@ -50,7 +51,7 @@ def random_start(chain, settings, target, candidates, state, best):
             best[:] = q
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@kernel
 def search(chain, settings, target, start, has_start, candidates, first, last, stream, q, outcome):
     """The best of the attempts first, ..., last into q (n,); attempt 0 begins at `start` (n,) if there is one.
 
@@ -81,7 +82,7 @@ def search(chain, settings, target, start, has_start, candidates, first, last, s
     outcome[5] = np.sqrt(e[3] * e[3] + e[4] * e[4] + e[5] * e[5]) if settings[ORIENTATION_WEIGHT] > 0.0 else 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@kernel
 def search_batch(chain, settings, targets, starts, has_start, candidates, last, streams, q, outcome):
     """`search` for each of `targets` (N, 12) from `starts` (N, n) with `streams` (N,): q (N, n), outcome (N, 6).
 

@@ -7,7 +7,8 @@ manual for the elementary functions", 1980), and both series of Taylor are summe
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from maira_qp.kernels.compilation import kernel
 
 FAR = 1e5
 """Beyond this angle [rad] the C library is asked."""
@@ -16,7 +17,7 @@ PI_2_A, PI_2_B, PI_2_C = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487
 """pi / 2 in three parts, the first two short enough for exact products with the number of quarter turns."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@kernel
 def sine_cosine(angle):
     """(sin, cos) of an angle [rad]; NaN of what is not finite."""
     if not abs(angle) < FAR:

@@ -1,0 +1,20 @@
+"""How every kernel is compiled: once per machine, without the global interpreter lock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from numba import njit
+
+
+def kernel(function: Callable) -> Any:
+    """Compile a function with Numba, kept on disk where there is a folder to write to.
+
+    Division follows IEEE 754; of the fast-math flags only contraction to fused multiply-add is on, so NaN stays NaN.
+    """
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+    try:
+        return njit(cache=True, **options)(function)
+    except RuntimeError:  # no folder for the cache: a read-only package and no home
+        return njit(**options)(function)
