@@ -114,9 +114,12 @@ class Compiled:
             )
             search_batch(self.chain, self.settings, rows[part], *args)
 
-        with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        pool = ThreadPoolExecutor(threads or os.cpu_count())
+        try:
             for _ in pool.map(run, range(0, count, CHUNK)):
                 pass
+        finally:
+            pool.shutdown(cancel_futures=True)  # Ctrl-C waits for the chunks under way, not for the rest
         return q, outcome
 
 
