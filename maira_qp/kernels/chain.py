@@ -7,6 +7,8 @@ holds the placement of the tool behind the last joint.
 
 from __future__ import annotations
 
+import numpy as np
+
 from maira_qp.kernels.compilation import kernel
 from maira_qp.kernels.sine import sine_cosine
 
@@ -74,3 +76,13 @@ def jacobian(chain, axes, origins, tool, J):
             dx, dy, dz = tool[9] - origins[i, 0], tool[10] - origins[i, 1], tool[11] - origins[i, 2]
             J[i, 0], J[i, 1], J[i, 2] = y * dz - z * dy, z * dx - x * dz, x * dy - y * dx
             J[i, 3], J[i, 4], J[i, 5] = x, y, z
+
+
+@kernel
+def jacobians(chain, q, J):
+    """Transposed Jacobians into J (N, n, 6) of the configurations q (N, n)."""
+    n = q.shape[1]
+    axes, origins, tool = np.empty((n, 3)), np.empty((n, 3)), np.empty(12)
+    for k in range(len(q)):
+        forward(chain, q[k], axes, origins, tool)
+        jacobian(chain, axes, origins, tool, J[k])

@@ -129,9 +129,7 @@ class Robot:
 
         Raises `ConfigurationError`, `FrameError`.
         """
-        values = np.linalg.svd(self.jacobian(q, frame), compute_uv=False)
-        rounding = max(6, self.n) * np.finfo(float).eps * values[0]
-        return float(values[0] / values[-1]) if values[-1] > rounding else np.inf
+        return float(condition_numbers(self.jacobian(q, frame)))
 
     def manipulability(self, q: Any, frame: str | None = None) -> float:
         """Product of the min(6, n) singular values of the Jacobian at q (n,): sqrt(det(J J^T)) where n >= 6.
@@ -174,6 +172,14 @@ class Robot:
 
     def __reduce__(self) -> tuple[type[Robot], tuple[Chain, DHTable | None]]:
         return Robot, (self._chain, self.dh)
+
+
+def condition_numbers(J: np.ndarray) -> np.ndarray:
+    """Largest over smallest singular value of Jacobians (..., 6, n); inf where one is singular to rounding."""
+    values = np.linalg.svd(J, compute_uv=False)
+    largest, smallest = values[..., 0], values[..., -1]
+    regular = smallest > max(J.shape[-2:]) * np.finfo(float).eps * largest
+    return np.divide(largest, smallest, out=np.full(largest.shape, np.inf), where=regular)
 
 
 def _model(chain: Chain) -> pin.Model:

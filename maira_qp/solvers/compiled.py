@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.kernels.chain import LOWER, PRISMATIC, ROW, UPPER
+from maira_qp.kernels.chain import LOWER, PRISMATIC, ROW, UPPER, jacobians
 from maira_qp.kernels.search import search, search_batch
 from maira_qp.problem.tasks import FrameTask
 from maira_qp.robots.robot import Robot
@@ -87,6 +87,12 @@ class Compiled:
             if best.reached or last == self.last_attempt or budget.late():
                 return Search(best, found.restarts)
             first = last + 1
+
+    def jacobians(self, q: np.ndarray) -> np.ndarray:
+        """Jacobians (N, 6, n) of the tip at q (N, n)."""
+        J = np.empty((*q.shape, 6))
+        jacobians(self.chain, q, J)
+        return J.swapaxes(1, 2)
 
     def found(self, q: np.ndarray, outcome: np.ndarray) -> Search:
         """What a kernel left in q (n,) and outcome (6,)."""

@@ -8,7 +8,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.robot import Robot, condition_numbers
 
 ACTIVE_WITHIN = 1e-9
 """A limit nearer than this [rad or m] counts as active."""
@@ -123,9 +123,9 @@ class BatchSolution:
 
     @staticmethod
     def of_search(
-        robot: Robot, backend: str, q: np.ndarray, outcome: np.ndarray, start_projected: np.ndarray
+        robot: Robot, q: np.ndarray, outcome: np.ndarray, J: np.ndarray, start_projected: np.ndarray
     ) -> BatchSolution:
-        """From the configurations (N, n) and outcomes (N, 6) of the compiled search; what it did not reach is spent."""
+        """From the compiled search: q (N, n), outcomes (N, 6), Jacobians (N, 6, n). What it did not reach is spent."""
         reached, nan = outcome[:, 0] > 0, np.full(len(q), np.nan)
         on_a_limit = (q <= robot.lower + ACTIVE_WITHIN) | (q >= robot.upper - ACTIVE_WITHIN)
         return BatchSolution(
@@ -136,7 +136,7 @@ class BatchSolution:
             orientation_error=outcome[:, 5].copy(),
             iterations=outcome[:, 2].astype(np.int64),
             restarts=outcome[:, 1].astype(np.int64),
-            condition_number=np.array([robot.condition_number(each) for each in q]),
+            condition_number=condition_numbers(J),
             active_limits=[
                 active_limits(robot, each) if on.any() else [] for each, on in zip(q, on_a_limit, strict=True)
             ],
@@ -144,7 +144,7 @@ class BatchSolution:
             projected_gradient=nan.copy(),
             optimal=reached.copy(),
             start_projected=start_projected,
-            backend=backend,
+            backend="compiled",
         )
 
     def put(self, i: int, solution: Solution) -> None:

@@ -171,7 +171,7 @@ class Solver:
         streams = np.array([stream_of(row, seed) for row in rows], dtype=np.uint64)
         q, outcome = self._compiled.search_batch(rows, admitted, streams, threads)
         moved = np.zeros(len(T), dtype=bool) if starts is None else (starts != admitted).any(axis=1)
-        batch = BatchSolution.of_search(self.robot, self.backend, q, outcome, moved)
+        batch = BatchSolution.of_search(self.robot, q, outcome, self._compiled.jacobians(q), moved)
         for i, pose in enumerate(poses):
             if self.redundancy is not None or not batch.success[i]:
                 found = self._compiled.found(q[i], outcome[i])
