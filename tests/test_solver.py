@@ -340,7 +340,7 @@ def test_threads_may_share_a_solver(maira, rng):
 
 def test_everything_public_pickles(maira, rng):
     target = maira.forward(maira.random_configuration(rng))
-    solver = mq.Solver(maira, redundancy=mq.Strict(mq.Manipulability(), mq.Posture()), backend="proxqp")
+    solver = mq.Solver(maira, redundancy=mq.Strict(mq.Manipulability(), mq.Posture()), backend="osqp")
     again = pickle.loads(pickle.dumps(solver))
     one, two = solver.solve(target), pickle.loads(pickle.dumps(again.solve(target)))
     assert np.array_equal(one.q, two.q)

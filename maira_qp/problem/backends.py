@@ -2,7 +2,8 @@
 
 Before a backend sees a QP it is made one of size 1 (`x = s y`, H and c divided by their largest entries): with
 tolerances that are absolute, as most are, a small QP would otherwise be "solved" by x = 0. After it, the status is read
-and the box is enforced by clipping.
+and the box is enforced by clipping. The same QP gives the same answer to the bit, but for proxqp, whose last digits
+depend on where in memory the QP lies.
 """
 
 from __future__ import annotations
