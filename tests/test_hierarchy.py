@@ -185,13 +185,15 @@ def test_the_positive_part_keeps_positive_matrices_and_mends_the_rest(rng):
 
 
 def test_the_projected_gradient_vanishes_exactly_where_limits_or_rows_hold_the_gradient():
-    g, none = np.array([1.0, -2.0, 0.0]), np.empty((0, 3))
+    g, none = np.array([1.0, -2.0, 0.0]), ()
     wide = box([-1, -1, -1], [1, 1, 1])
     assert projected_gradient(g, none, wide, DAQP) == pytest.approx(2.0)
     assert projected_gradient(g, none, box([0, -1, -1], [1, 0, 1]), DAQP) == 0.0
     assert projected_gradient(g, none, box([-1, -1, -1], [0, 0, 1]), DAQP) == pytest.approx(1.0)
-    assert projected_gradient(g, g[None], wide, DAQP) < 1e-12
+    assert projected_gradient(g, [least_squares(g[None], np.zeros(1))], wide, DAQP) < 1e-12
     # the row x1 + x2 = const leaves the direction (1, -1) / sqrt 2, along which the gradient is 3 / sqrt 2
-    assert projected_gradient(g, np.array([[1.0, 1, 0], [0, 0, 1]]), wide, DAQP) == pytest.approx(1.5)
+    assert projected_gradient(
+        g, [least_squares(np.array([[1.0, 1, 0], [0, 0, 1]]), np.zeros(2))], wide, DAQP
+    ) == pytest.approx(1.5)
     # a limit that is near but not reached does not hold it up
     assert projected_gradient(g, none, box([-1e-6, -1e-6, -1], [1e-6, 1e-6, 1]), DAQP) >= 1e-3

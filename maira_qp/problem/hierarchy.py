@@ -62,10 +62,6 @@ class Subproblem:
     start: np.ndarray
     Z: np.ndarray
 
-    def displacement(self, z: np.ndarray) -> np.ndarray:
-        """dq (n,) of z."""
-        return self.start + self.Z @ z
-
 
 def build_first(level: Level, bounds: Bounds) -> Subproblem:
     """Level 1: a QP with a box, in the joints that can move at all (a locked one leaves the QP)."""
@@ -120,17 +116,19 @@ def solve_each_level(levels: Sequence[Level], bounds: Bounds, backend: Backend) 
     return displacements
 
 
-def projected_gradient(gradient: np.ndarray, rows: np.ndarray, bounds: Bounds, backend: Backend) -> float:
-    """Largest entry of the gradient (n,) that is left along `rows dq = 0` and the limits: zero at a stationary point.
+def projected_gradient(gradient: np.ndarray, above: Sequence[Level], bounds: Bounds, backend: Backend) -> float:
+    """Largest entry of the gradient (n,) that the limits and the levels above leave free: zero at a stationary point.
 
-    It is the steepest descent step of the gradient, scaled down, to the nearest point of that set (Nocedal and Wright,
-    section 12.3). The scale makes a limit hold up its part of the gradient only where q stands on it, to about 1e-9.
+    It is the steepest descent step of the gradient, scaled down, to the nearest point that they allow (Nocedal and
+    Wright, section 12.3). The scale makes a limit hold up its part of the gradient only where q stands on it, to about
+    1e-9.
     """
-    scale = 1e-3
-    if len(rows) == 0 and len(bounds.h) == 0:
+    scale, n = 1e-3, len(gradient)
+    if not above and len(bounds.h) == 0:
         return float(np.abs(np.clip(-scale * gradient, bounds.lower, bounds.upper)).max()) / scale
-    n = len(gradient)
-    Z = _subspace(np.eye(n)[:, bounds.lower < bounds.upper], rows)
+    Z = np.eye(n)[:, bounds.lower < bounds.upper]
+    for level in above:
+        Z = _subspace(Z, level.rows, level.rank_threshold)
     if Z.shape[1] == 0:
         return 0.0
     problem = build_next(Level(np.eye(n), scale * gradient, np.eye(n)), bounds, np.zeros(n), Z)
@@ -138,7 +136,7 @@ def projected_gradient(gradient: np.ndarray, rows: np.ndarray, bounds: Bounds, b
     return float(np.abs(dq).max()) / scale
 
 
-def _subspace(Z: np.ndarray, rows: np.ndarray, threshold: float = RANK_THRESHOLD) -> np.ndarray:
+def _subspace(Z: np.ndarray, rows: np.ndarray, threshold: float) -> np.ndarray:
     """The part (n, k') of the subspace with basis Z (n, k) that the rows (m, n) do not feel."""
     Z = Z @ null_space(rows @ Z, threshold)
     Z[np.abs(Z) < RANK_THRESHOLD] = 0.0  # a joint that takes no part must not feel its limit

@@ -26,6 +26,11 @@ class Bounds:
     h: np.ndarray
     """(m,)"""
 
+    @property
+    def held(self) -> np.ndarray:
+        """Which joints (n,) stand on a limit, or beyond it."""
+        return (self.lower >= 0) | (self.upper <= 0)
+
     def within(self, radius: float) -> Bounds:
         """The same, and every entry of dq at most `radius` > 0 in size (a trust region)."""
         return Bounds(np.clip(self.lower, -radius, 0), np.clip(self.upper, 0, radius), self.G, self.h)

@@ -95,6 +95,6 @@ def nearest(cost: TaskCost, descent: Descent, setting: Setting, budget: Budget) 
 
 def stationarity(cost: Cost, at: Configuration, setting: Setting) -> float:
     """Largest entry of the cost's gradient that no limit holds up, relative to the error where that is large."""
-    level, no_rows = cost.level(at), np.empty((0, setting.robot.n))
-    left = projected_gradient(level.c, no_rows, setting.bounds(at.q), setting.backend)
+    level = cost.level(at)
+    left = projected_gradient(level.c, (), setting.bounds(at.q), setting.backend)
     return left / max(1.0, float(np.sqrt(level.squared_error)))

@@ -121,7 +121,7 @@ class _Walk:
         The multipliers depend on which limits hold the arm, and these on the step: it is taken twice where they differ.
         """
         limits = self.setting.bounds(at.q)
-        held = (limits.lower >= 0) | (limits.upper <= 0)
+        held = limits.held
         dq = self._step_with(held, at, limits.within(radius))
         holding = (dq <= limits.lower) | (dq >= limits.upper)
         return dq if np.array_equal(holding, held) else self._step_with(holding, at, limits.within(radius))
@@ -153,8 +153,7 @@ class _Walk:
         """
         rows, error = self.cost.rows(at)
         regained = self.cost.rows(trial)[1] - error
-        limits = self.setting.bounds(trial.q)
-        held = (limits.lower >= 0) | (limits.upper <= 0)
+        held = self.setting.bounds(trial.q).held
         last = len(self.objectives) - 1
         for k, objective in enumerate(self.objectives):
             before = objective.cost(at)
@@ -165,9 +164,9 @@ class _Walk:
 
     def _projected_gradient(self, at: Configuration, priority: int) -> float:
         """Largest entry of an objective's gradient that the limits, the pose and the objectives above leave free."""
-        rows = [self.cost.rows(at)[0], *(above.hessian(at) for above in self.objectives[:priority])]
-        gradient = self.objectives[priority].gradient(at)
-        return projected_gradient(gradient, np.vstack(rows), self.setting.bounds(at.q), self.setting.backend)
+        bounds = self.setting.bounds(at.q)
+        above = strict_levels(self.cost, self.objectives[:priority], at, bounds.held)
+        return projected_gradient(self.objectives[priority].gradient(at), above, bounds, self.setting.backend)
 
     def _is_optimal(self, at: Configuration) -> bool:
         tolerance = self.setting.options.stationarity_tolerance

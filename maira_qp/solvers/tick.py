@@ -40,8 +40,7 @@ def tick(
         merit = WeightedCost(cost, redundancy.objective, redundancy.weight)
         first, below = merit.level(at), []
     else:
-        held = (at.q <= robot.lower) | (at.q >= robot.upper)
-        _, *below = strict_levels(cost, objectives, at, held)
+        _, *below = strict_levels(cost, objectives, at, bounds.held)
         first = ExactTaskCost(cost).level(at)
     mu = setting.options.damping * min(first.squared_error, 1.0) + LEAST_DAMPING * float(np.abs(first.H).max())
     displacements = solve_each_level([first.damped(mu), *below], bounds, setting.backend)
