@@ -177,3 +177,29 @@ def test_an_unreachable_target_is_not_settled(maira):
     )
     assert s.status is mq.Status.NEAREST
     assert s.cost == pytest.approx(0.5 * np.sum(s.q**2))
+
+
+def test_a_third_level_is_as_good_as_the_two_above_it_allow(maira):
+    """Position, then manipulability, then posture: against SciPy's SLSQP, which may give up 1e-9 of manipulability."""
+    from scipy.optimize import minimize
+
+    rng = np.random.default_rng(3)
+    solver = mq.Solver(maira, task=mq.PositionTask(), redundancy=mq.Strict(mq.Manipulability(), mq.Posture()))
+    for k in range(4):
+        target, q0 = maira.forward(maira.random_configuration(rng)), maira.random_configuration(rng)
+        s = solver.solve(target, q0=q0, rng=k)
+        assert s.success
+        reference = minimize(
+            lambda q: 0.5 * q @ q,
+            s.q,
+            jac=lambda q: q,
+            method="SLSQP",
+            bounds=list(zip(maira.lower, maira.upper, strict=True)),
+            constraints=[
+                {"type": "eq", "fun": lambda q, p=target.translation: 100 * (maira.forward(q).translation - p)},
+                {"type": "ineq", "fun": lambda q, w=-s.cost: 100 * (maira.manipulability(q) - w + 1e-9)},
+            ],
+            options={"maxiter": 300, "ftol": 1e-12},
+        )
+        assert reference.success
+        assert 0.5 * s.q @ s.q <= reference.fun + 5e-3
