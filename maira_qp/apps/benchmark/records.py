@@ -6,7 +6,6 @@ is killed leaves at most one torn line, the last, which the next one cuts off. A
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import fcntl
 import io
@@ -20,6 +19,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from maira_qp.apps.whole_files import replace_text
 from maira_qp.errors import OptionError
 
 BATCH_SECONDS = 1.0
@@ -138,22 +138,6 @@ def write_csv(path: str | Path, rows: Iterable[Mapping[str, Any]]) -> None:
     for row in rows:
         writer.writerow({key: _cell(value) for key, value in row.items()})
     replace_text(path, text.getvalue())
-
-
-def replace_text(path: str | Path, text: str) -> None:
-    """Writes a text file so that whoever reads it finds the old one or the new one, never a part."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
-        with open(beside, "w", encoding="utf-8", newline="") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(beside, path)
-    finally:
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(beside)
 
 
 def _cell(value: Any) -> Any:

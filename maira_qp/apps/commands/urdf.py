@@ -20,7 +20,7 @@ class Urdf:
 
     def run(self) -> int:
         """Writes the URDF; always 0."""
-        from maira_qp.apps.benchmark.records import replace_text
+        from maira_qp.apps.whole_files import replace_text
         from maira_qp.robots.urdf_writer import urdf_text
 
         robot = self.choice.load()

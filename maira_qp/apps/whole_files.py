@@ -1,0 +1,35 @@
+"""Files that are whole or not there: written beside their place, forced to disk, and renamed into it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+
+@contextlib.contextmanager
+def replacing(path: str | Path) -> Iterator[BinaryIO]:
+    """A file to write bytes to: it takes the place of `path` if the block ends well, and is removed if not.
+
+    Whoever reads `path` finds the old file or the new one, never a part. Raises `OSError`.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f"{path.name}.{os.getpid()}.part")
+    try:
+        with open(beside, "wb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(beside, path)
+    finally:
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(beside)
+
+
+def replace_text(path: str | Path, text: str) -> None:
+    """Writes a text file, UTF-8, whole or not at all. Raises `OSError`."""
+    with replacing(path) as file:
+        file.write(text.encode())
