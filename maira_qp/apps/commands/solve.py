@@ -25,11 +25,21 @@ DEFAULT_WEIGHT = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Solve:
-    """Joint values that put the tool at a pose, inside the joint limits. Exit code 0: solved; 1: not; 2: misuse."""
+    """Joint values that put the tool at a pose, inside the joint limits. Exit code 0: solved; 1: not; 2: misuse.
+
+    With --batch FILE many poses, a pose a row. CSV and Parquet have columns x, y, z [m] with qw, qx, qy, qz (scalar
+    first) or with roll, pitch, yaw [rad, or deg with --deg]; or m00, m01, ... m23, the rows of the 4x4 matrix (m30 to
+    m33 may follow); if you like, a start q0_<joint> for each joint; further columns are carried along. NPZ has an array
+    targets (N, 4, 4); if you like, q0 (N, n). A row with an empty cell or NaN is not solved, and spoils no other.
+
+    The answers stand behind what the file held: success, status, position_error [m], orientation_error [rad],
+    iterations, restarts, condition_number, active_limits (with ; between) and q_<joint> [rad, or deg with --deg; m for
+    a sliding joint]; in NPZ the same as arrays (N,), and q (N, n) and joint_names. Exit code 0: all solved; 1: some
+    not."""
 
     choice: RobotFlags = field(default_factory=RobotChoice)
     position: Position = None
-    """Wanted position of the tool in the base [m]; must be given unless --matrix holds it."""
+    """Wanted position of the tool in the base [m]; must be given unless --matrix holds it, or --batch is given."""
     quaternion: Quaternion = None
     """Wanted orientation as a unit quaternion, scalar first; without any orientation: that of the base."""
     rpy: Rpy = None
@@ -38,8 +48,14 @@ class Solve:
     """File with the wanted pose as 4x4 numbers (or 3x3, the orientation alone): text, .json or .npy."""
     project: tyro.conf.FlagCreatePairsOff[bool] = False
     """Take the nearest rotation to a rounded matrix or quaternion, on purpose."""
+    batch: Path | None = None
+    """File with many poses, .csv, .npz or .parquet, in place of one."""
+    output: Path | None = None
+    """File of the answers to --batch, .csv, .npz or .parquet; none: poses.csv is answered in poses.solved.csv."""
+    threads: int | None = None
+    """Threads that solve --batch; >= 1; none: one a processor. No answer depends on it."""
     q0: JointValues = None
-    """Joint values to start from [rad, or deg with --deg; m for a sliding joint]; none: random."""
+    """Joint values to start from [rad, or deg with --deg; m for a sliding joint]; none: random, or those of --batch."""
     redundancy: Literal["none", "weighted", "strict"] = "none"
     """Joints near mid-range: no wish (none), traded for the pose at --weight, or as far as the pose allows (strict)."""
     weight: float | None = None
@@ -53,26 +69,50 @@ class Solve:
     deg: tyro.conf.FlagCreatePairsOff[bool] = False
     """Joint values and --rpy in and out in degrees; tolerances stay in rad."""
     json: tyro.conf.FlagCreatePairsOff[bool] = False
-    """One JSON value on stdout."""
+    """One JSON value on stdout; with --batch: the summary."""
 
     def run(self) -> int:
-        """Prints the solution; 0 if it is at the pose, else 1."""
+        """Prints the solution, or the summary of a batch; 0 if it is at the pose, or all are, else 1."""
         from maira_qp.apps.commands.output import Angles, print_json
         from maira_qp.solvers.solver import Solver
 
+        self._check_flags()
         seed = checked_seed(self.seed)
         redundancy = self._redundancy()
         robot = self.choice.load()
         angles = Angles(robot, self.deg)
-        target = self._target(angles)
         q0 = None if self.q0 is None else angles.read(self.q0)
+        target = self._target(angles) if self.batch is None else None
         solver = Solver(robot, redundancy=redundancy, backend=self.backend, options=self.options)
+        if self.batch is not None:
+            from maira_qp.apps.commands.batch import Batch
+
+            batch = Batch(
+                path=self.batch,
+                output=self.output,
+                q0=q0,
+                seed=seed,
+                threads=self.threads,
+                project=self.project,
+            )
+            return batch.run(solver, angles, json=self.json)
         solution = solver.solve(target, q0=q0, rng=seed)
         if self.json:
             print_json(_as_json(robot, angles, solution))
         else:
             _show(robot, angles, solution)
         return 0 if solution.success else 1
+
+    def _check_flags(self) -> None:
+        """Raises `OptionError` for flags that make no sense together."""
+        one = ("position", "quaternion", "rpy", "matrix")
+        pointless = ("output", "threads") if self.batch is None else one
+        given = [f"--{name}" for name in pointless if getattr(self, name) is not None]
+        if given:
+            verb = "counts" if len(given) == 1 else "count"
+            raise OptionError(
+                f"{' and '.join(given)} only {verb} {'with' if self.batch is None else 'without'} --batch"
+            )
 
     def _redundancy(self) -> Weighted | Strict | None:
         from maira_qp.problem.objectives import Posture

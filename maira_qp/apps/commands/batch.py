@@ -1,0 +1,133 @@
+"""`maira-qp solve --batch`: many poses from a file, the answers into a file."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maira_qp.apps.commands.output import Angles, console, print_json, progress_bar
+from maira_qp.apps.pose_files.answers import check_output, columns, left_out, write_answers
+from maira_qp.apps.pose_files.poses import Poses, read_poses
+from maira_qp.errors import OptionError, PoseError
+from maira_qp.solvers.solution import BatchSolution, Status
+from maira_qp.solvers.solver import Solver
+
+BLOCK = 50_000
+"""Poses are solved in blocks of so many, which bounds the memory; no answer depends on it."""
+REMARKS = {
+    "nearest": "NEAREST: a nearest point, not at the pose",
+    "budget_spent": "BUDGET_SPENT: neither reached nor a nearest point",
+    "unreachable": "UNREACHABLE: proved",
+    "without_pose": "rows without a pose (an empty cell, or not finite)",
+    "first_not_solved": "the first that is not solved",
+    "starts_moved_onto_limits": "starts outside the joint limits, moved onto them",
+    "redundancy_not_settled": "solved, but the redundancy was not settled",
+}
+"""What the summary says only where there is something to say."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Batch:
+    """A file of poses to be solved by one solver."""
+
+    path: Path
+    output: Path | None
+    """None: beside the input, `poses.csv` to `poses.solved.csv`"""
+    q0: np.ndarray | None
+    """(n,) the start of all [rad or m]; None: those of the file, if it holds any"""
+    seed: int
+    threads: int | None
+    project: bool
+
+    def run(self, solver: Solver, angles: Angles, *, json: bool) -> int:
+        """Solves, writes and prints a summary; 0 if all are solved, else 1."""
+        joints = solver.robot.joint_names
+        poses = read_poses(
+            self.path,
+            joints,
+            radian=angles.one,
+            scale=angles.write(np.ones(len(joints))),
+            project=self.project,
+        )
+        if self.q0 is not None and poses.q0 is not None:
+            raise OptionError(f"--q0 and the columns q0_... of {self.path} both give a start; leave one out")
+        output = self.output or self.path.with_suffix(f".solved{self.path.suffix}")
+        check_output(output, poses.table, joints)
+        begin = time.monotonic()
+        with progress_bar("solving") as progress:
+            answers = columns(self._solved(solver, poses, progress))
+        seconds = time.monotonic() - begin
+        answers["q"] = angles.write(answers["q"])
+        write_answers(output, poses.table, answers, joints)
+        summary = _summary(solver, poses, answers, seconds) | {"output": str(output)}
+        print_json(summary) if json else _show(summary)
+        for name in left_out(output, poses.table):
+            console(stderr=True).print(f"left out of {output}: {name!r}, which has no entry for each pose")
+        return 0 if answers["success"].all() else 1
+
+    def _solved(self, solver: Solver, poses: Poses, progress: Callable[[int, int], None]) -> Iterator[BatchSolution]:
+        count = len(poses.targets)
+        for begin in range(0, max(count, 1), BLOCK):  # no pose: one empty block
+            rows = slice(begin, begin + BLOCK)
+            q0 = self.q0 if poses.q0 is None else poses.q0[rows]
+            try:
+                yield solver.solve_batch(
+                    poses.targets[rows],
+                    q0,
+                    self.seed,
+                    threads=self.threads,
+                    progress=lambda done, _, begin=begin: progress(begin + done, count),
+                )
+            except PoseError as reason:
+                raise PoseError(_with_place(str(reason), poses, begin)) from None
+
+
+def _with_place(message: str, poses: Poses, begin: int) -> str:
+    """A message on target i of a block, with its place in the file."""
+    return re.sub(r"target (\d+)", lambda match: f"pose of {poses.table.where(begin + int(match[1]))}", message)
+
+
+def _summary(solver: Solver, poses: Poses, answers: dict[str, np.ndarray], seconds: float) -> dict[str, Any]:
+    solved, valid, count = answers["success"], poses.valid, len(poses.targets)
+    unsettled = solved & ~answers["optimal"]
+    return {
+        "robot": solver.robot.name,
+        "tip": solver.robot.tip,
+        "backend": solver.backend,
+        "poses": count,
+        "solved": int(solved.sum()),
+        **{status.name.lower(): int((answers["status"][valid] == status.name).sum()) for status in list(Status)[1:]},
+        "without_pose": int((~valid).sum()),
+        "first_not_solved": None if solved.all() else poses.table.where(int(np.argmin(solved))),
+        "starts_moved_onto_limits": int(answers["start_projected"].sum()),
+        "redundancy_not_settled": 0 if solver.redundancy is None else int(unsettled.sum()),
+        "worst_position_error": answers["position_error"][valid].max(initial=0.0),
+        "worst_orientation_error": answers["orientation_error"][valid].max(initial=0.0),
+        "seconds": seconds,
+        "poses_per_second": count / max(seconds, 1e-9),
+    }
+
+
+def _show(summary: dict[str, Any]) -> None:
+    """The summary as a table on stdout."""
+    from rich.table import Table
+
+    out = console()
+    whole = summary["solved"] == summary["poses"]
+    out.print(f"solved {summary['solved']} of {summary['poses']}", style="bold green" if whole else "bold yellow")
+    table = Table(show_header=False)
+    for name, meaning in REMARKS.items():
+        if summary[name]:
+            table.add_row(meaning, str(summary[name]))
+    table.add_row("worst position error [m]", f"{summary['worst_position_error']:.3g}")
+    table.add_row("worst orientation error [rad]", f"{summary['worst_orientation_error']:.3g}")
+    table.add_row("time", f"{summary['seconds']:.3g} s, {summary['poses_per_second']:.0f} poses a second")
+    table.add_row("QPs solved by", summary["backend"])
+    table.add_row("answers", summary["output"])
+    out.print(table)

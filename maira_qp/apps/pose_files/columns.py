@@ -1,0 +1,94 @@
+"""Which columns make a pose: found by their names, or told what is missing.
+
+A pose is `x, y, z` [m] with `qw, qx, qy, qz` (scalar first) or with `roll, pitch, yaw`, or the rows of its 4x4 matrix,
+`m00` to `m23` and, if they like, `m30` to `m33`. A start is `q0_<joint>` for every joint. All further columns are the
+caller's own.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from maira_qp.errors import PoseError, listed
+
+POSITION = ("x", "y", "z")
+MATRIX = tuple(f"m{row}{column}" for row in range(3) for column in range(4))
+LAST_ROW = ("m30", "m31", "m32", "m33")
+ORIENTATIONS: dict[str, tuple[str, ...]] = {
+    "quaternion": ("qw", "qx", "qy", "qz"),
+    "rpy": ("roll", "pitch", "yaw"),
+    "matrix": (*MATRIX, *LAST_ROW),
+}
+START = "q0_"
+VALID = "a pose is x, y, z with qw, qx, qy, qz or with roll, pitch, yaw; or m00, m01, ... m23, its matrix by rows"
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where a pose is in the columns of a file."""
+
+    form: str
+    """quaternion, rpy or matrix"""
+    pose: tuple[str, ...]
+    """The columns of the pose, x, y, z first, or the matrix by rows."""
+    start: tuple[str, ...]
+    """The columns of the start, in the order of the joints; none: the file holds no starts."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All columns that hold numbers."""
+        return (*self.pose, *self.start)
+
+
+def layout(names: Sequence[str], joint_names: Sequence[str]) -> Layout:
+    """The layout that the names of the columns tell. Raises `PoseError`, naming what is missing and what is valid."""
+    twice = [name for i, name in enumerate(names) if name in names[:i]]
+    if twice:
+        raise PoseError(f"more than one column is named {twice[0]!r}")
+    found = {form: [name for name in own if name in names] for form, own in ORIENTATIONS.items()}
+    forms = [form for form, own in found.items() if own]
+    if len(forms) > 1:
+        raise PoseError(f"one orientation is enough: there are both {found[forms[0]][0]!r} and {found[forms[1]][0]!r}")
+    if not forms:
+        every = [name for own in ORIENTATIONS.values() for name in own]
+        raise PoseError(f"no column of an orientation{_hint(every, names)}; {VALID}")
+    form = forms[0]
+    if form == "matrix" and any(name in names for name in POSITION):
+        raise PoseError(f"one position is enough: there are both 'x', 'y' or 'z' and {found[form][0]!r}")
+    if form == "matrix":
+        pose = ORIENTATIONS[form] if any(name in names for name in LAST_ROW) else MATRIX
+    else:
+        pose = (*POSITION, *ORIENTATIONS[form])
+    _complete(pose, names, VALID)
+    return Layout(form, pose, _start(names, joint_names))
+
+
+def _start(names: Sequence[str], joint_names: Sequence[str]) -> tuple[str, ...]:
+    start = tuple(START + joint for joint in joint_names)
+    given = [name for name in names if name.startswith(START)]
+    for name in given:
+        if name not in start:
+            raise PoseError(f"column {name!r} names no joint; {listed(start, name)}")
+    if not given:
+        return ()
+    _complete(start, names, f"a start is {', '.join(start)}")
+    return start
+
+
+def _complete(wanted: Sequence[str], names: Sequence[str], valid: str) -> None:
+    missing = [name for name in wanted if name not in names]
+    if missing:
+        columns = "column" if len(missing) == 1 else "columns"
+        raise PoseError(f"no {columns} {', '.join(map(repr, missing))}{_hint(missing, names)}; {valid}")
+
+
+def _hint(missing: Sequence[str], names: Sequence[str]) -> str:
+    """A misspelt name among the columns, if one is like something that is missing."""
+    written = {name.lower(): name for name in reversed(names)}
+    for wanted in missing:
+        close = difflib.get_close_matches(wanted, written, n=1)
+        if close:
+            return f"; there is {written[close[0]]!r}: did you mean {wanted!r}?"
+    return f" among {', '.join(map(repr, names[:40]))}"

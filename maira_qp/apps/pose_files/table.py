@@ -1,0 +1,36 @@
+"""What a file of any format is to the rest: rows with named columns."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Choose = Callable[[Sequence[str]], Sequence[str]]
+"""From the names of all columns, the names of those that must hold numbers. May raise `PoseError`."""
+
+ALL = slice(None)
+
+
+class Table(ABC):
+    """A file that was read."""
+
+    path: Path
+    names: Sequence[str]
+    """Of its columns, in their order."""
+    numbers: np.ndarray
+    """(N, k) the columns that were chosen, NaN where a cell is empty."""
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    @abstractmethod
+    def where(self, row: int) -> str:
+        """The file and the place of a row in it, for a person."""
+
+    @abstractmethod
+    def columns(self, rows: slice = ALL) -> dict[str, Any]:
+        """All columns by name, each an array or a list, of some rows."""
