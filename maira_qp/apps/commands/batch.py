@@ -13,13 +13,11 @@ import numpy as np
 
 from maira_qp.apps.commands.output import Angles, console, print_json, progress_bar
 from maira_qp.apps.pose_files.answers import check_output, columns, left_out, write_answers
-from maira_qp.apps.pose_files.poses import Poses, read_poses
+from maira_qp.apps.pose_files.poses import Poses, blocks, read_poses
 from maira_qp.errors import OptionError, PoseError
 from maira_qp.solvers.solution import BatchSolution, Status
 from maira_qp.solvers.solver import Solver
 
-BLOCK = 50_000
-"""Poses are solved in blocks of so many, which bounds the memory; no answer depends on it."""
 REMARKS = {
     "nearest": "NEAREST: a nearest point, not at the pose",
     "budget_spent": "BUDGET_SPENT: neither reached nor a nearest point",
@@ -55,7 +53,7 @@ class Batch:
             scale=angles.write(np.ones(len(joints))),
             project=self.project,
         )
-        if self.q0 is not None and poses.q0 is not None:
+        if self.q0 is not None and poses.layout.start:
             raise OptionError(f"--q0 and the columns q0_... of {self.path} both give a start; leave one out")
         output = self.output or self.path.with_suffix(f".solved{self.path.suffix}")
         check_output(output, poses.table, joints)
@@ -72,20 +70,16 @@ class Batch:
         return 0 if answers["success"].all() else 1
 
     def _solved(self, solver: Solver, poses: Poses, progress: Callable[[int, int], None]) -> Iterator[BatchSolution]:
-        count = len(poses.targets)
-        for begin in range(0, max(count, 1), BLOCK):  # no pose: one empty block
-            rows = slice(begin, begin + BLOCK)
-            q0 = self.q0 if poses.q0 is None else poses.q0[rows]
+        for rows in blocks(len(poses)):
+            q0 = poses.starts(rows) if self.q0 is None else self.q0
+
+            def show(done: int, _: int, before: int = rows.start) -> None:
+                progress(before + done, len(poses))
+
             try:
-                yield solver.solve_batch(
-                    poses.targets[rows],
-                    q0,
-                    self.seed,
-                    threads=self.threads,
-                    progress=lambda done, _, begin=begin: progress(begin + done, count),
-                )
+                yield solver.solve_batch(poses.targets(rows), q0, self.seed, threads=self.threads, progress=show)
             except PoseError as reason:
-                raise PoseError(_with_place(str(reason), poses, begin)) from None
+                raise PoseError(_with_place(str(reason), poses, rows.start)) from None
 
 
 def _with_place(message: str, poses: Poses, begin: int) -> str:
@@ -94,7 +88,7 @@ def _with_place(message: str, poses: Poses, begin: int) -> str:
 
 
 def _summary(solver: Solver, poses: Poses, answers: dict[str, np.ndarray], seconds: float) -> dict[str, Any]:
-    solved, valid, count = answers["success"], poses.valid, len(poses.targets)
+    solved, valid, count = answers["success"], poses.valid, len(poses)
     unsettled = solved & ~answers["optimal"]
     return {
         "robot": solver.robot.name,

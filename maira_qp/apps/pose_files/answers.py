@@ -28,7 +28,7 @@ STATUS_NAMES = np.array([status.name for status in sorted(Status)], dtype=object
 def columns(batches: Iterable[BatchSolution]) -> dict[str, np.ndarray]:
     """The answers of one batch or more as `COLUMNS` and `REMARKS` (N,), and q (N, n) [rad or m]; text as objects."""
     blocks = [_columns(batch) for batch in batches]
-    return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+    return {name: np.concatenate([block.pop(name) for block in blocks]) for name in tuple(blocks[0])}
 
 
 def _columns(batch: BatchSolution) -> dict[str, np.ndarray]:

@@ -1,12 +1,14 @@
 """Comma-separated values: a header, a pose a line.
 
-The lines stay as they are: an answer is written behind the line that asked for it, so that every further column comes
-back to the letter.
+The file stays in memory as it is: an answer is written behind the line that asked for it, so that every further column
+comes back to the letter.
 """
 
 from __future__ import annotations
 
+import codecs
 import csv
+import io
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -19,71 +21,85 @@ import numpy as np
 from maira_qp.apps.pose_files.table import ALL, Choose, Table
 from maira_qp.errors import PoseError
 
-CHUNK = 20_000
-"""So many rows are text cells at a time."""
+CHUNK = 2_000
+"""So many rows are taken apart into cells at a time; more at a time are slower, and take memory."""
+LINE_END = b"\n"
 SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks"}
 POINT = "decimals are written with a point, columns are separated by commas"
 
 
 class CsvTable(Table):
-    """A CSV file in memory, as its lines."""
+    """A CSV file in memory, as its bytes."""
 
     def __init__(self, path: Path, choose: Choose) -> None:
         """Reads a file. Raises `PoseError`, naming the line, for what is not a table or not a number; `OSError`."""
         self.path = path
-        try:
-            with open(path, encoding="utf-8-sig", newline="") as file:
-                self._lines = file.readlines()
-        except UnicodeDecodeError as reason:
-            raise PoseError(f"{path} is not text in UTF-8: {reason}") from None
+        self._content = path.read_bytes()
         records = self._records()
         begin, end, cells = next(records, (0, 0, []))
-        self._header = self._raw(begin, end)
+        self.header = self._raw(begin, end)
+        """As it is in the file."""
         self.names = self._named(cells)
         self._numeric = tuple(choose(self.names))
         place = [self.names.index(name) for name in self._numeric]
-        spans: list[np.ndarray] = []
-        numbers: list[np.ndarray] = []
+        spans = [np.empty((0, 2), dtype=np.int64)]
+        numbers = [np.empty((0, len(place)))]
         while chunk := list(itertools.islice(records, CHUNK)):
             spans.append(np.array([each[:2] for each in chunk]))
             numbers.append(self._parsed(chunk, place))
-        self._spans = np.concatenate([np.empty((0, 2), dtype=np.int64), *spans])
-        self.numbers = np.concatenate([np.empty((0, len(place))), *numbers])
+        self._spans = np.concatenate(spans)
+        """(N, 2) begin and end in the bytes"""
+        self.numbers = np.concatenate(numbers)
 
     def where(self, row: int) -> str:
         """File and line."""
-        return f"{self.path}, line {self._spans[row, 0] + 1}"
+        return self._line(int(self._spans[row, 0]))
 
     def columns(self, rows: slice = ALL) -> dict[str, Any]:
         """Numbers where numbers were asked for, else text."""
-        texts = zip(*csv.reader(self.records(rows), skipinitialspace=True), strict=True)
-        columns: dict[str, Any] = dict(zip(self.names, texts, strict=True)) if len(self) else {}
-        numbers = dict(zip(self._numeric, self.numbers[rows].T, strict=True))
-        return {name: numbers.get(name, list(columns.get(name, ()))) for name in self.names}
+        columns: dict[str, Any] = {name: [] for name in self.names}
+        columns |= zip(self._numeric, self.numbers[rows].T, strict=True)
+        text = [(i, columns[name]) for i, name in enumerate(self.names) if name not in self._numeric]
+        begin, end, _ = rows.indices(len(self))
+        for first in range(begin, end, CHUNK):
+            chunk = csv.reader(self.records(slice(first, min(first + CHUNK, end))), skipinitialspace=True)
+            cells = list(zip(*chunk, strict=True))
+            for i, column in text:
+                column.extend(cells[i])
+        return columns
 
     def records(self, rows: slice = ALL) -> list[str]:
         """The rows as they are in the file, without the ends of their lines."""
         return [self._raw(begin, end) for begin, end in self._spans[rows].tolist()]
 
-    @property
-    def header(self) -> str:
-        """The header as it is in the file."""
-        return self._header
-
     def _raw(self, begin: int, end: int) -> str:
-        return "".join(self._lines[begin:end]).rstrip("\r\n")
+        return self._content[begin:end].rstrip(b"\r\n").decode()
+
+    def _line(self, begin: int) -> str:
+        return f"{self.path}, line {self._content.count(LINE_END, 0, begin) + 1}"
 
     def _records(self) -> Iterator[tuple[int, int, list[str]]]:
-        """Begin and end in the lines, and the cells, of each row that is not blank; the header is the first."""
-        reader = csv.reader(self._lines, skipinitialspace=True, strict=True)
-        begin = 0
+        """Begin and end in the bytes, and the cells, of each row that is not blank; the header is the first."""
+        begin = end = len(codecs.BOM_UTF8) if self._content.startswith(codecs.BOM_UTF8) else 0
+        file = io.BytesIO(self._content)
+        file.seek(begin)
+
+        def lines() -> Iterator[str]:
+            nonlocal end
+            for line in file:
+                text = line.decode()
+                end += len(line)
+                yield text
+
         try:
-            for cells in reader:
+            for cells in csv.reader(lines(), skipinitialspace=True, strict=True):
                 if len(cells) > 1 or (cells and cells[0].strip()):
-                    yield begin, reader.line_num, cells
-                begin = reader.line_num
+                    yield begin, end, cells
+                begin = end
+        except UnicodeDecodeError as reason:
+            raise PoseError(f"{self._line(end)} is not text in UTF-8: {reason}") from None
         except csv.Error as reason:
-            raise PoseError(f"{self.path}, line {begin + 1}: {reason}") from None
+            raise PoseError(f"{self._line(begin)}: {reason}") from None
 
     def _named(self, cells: Sequence[str]) -> list[str]:
         names = [cell.strip() for cell in cells]
@@ -115,12 +131,12 @@ class CsvTable(Table):
             ]
         return np.array(values).reshape(len(chunk), len(place))
 
-    def _number(self, cell: str, line: int, column: str) -> float:
+    def _number(self, cell: str, begin: int, column: str) -> float:
         if not cell.strip():
             return math.nan
         if not _is_number(cell):
             hint = POINT if "," in cell else "without a number, leave the cell empty"
-            raise PoseError(f"{self.path}, line {line + 1}, column {column!r}: {cell!r:.40} is not a number ({hint})")
+            raise PoseError(f"{self._line(begin)}, column {column!r}: {cell!r:.40} is not a number ({hint})")
         return float(cell)
 
 
@@ -141,9 +157,14 @@ def write_csv(file: BinaryIO, table: Table, answers: Mapping[str, np.ndarray]) -
 
 def _texts(column: Any) -> Iterable[str]:
     """Cells: numbers so that they read back to the bit, true and false, text in quotes where it needs them."""
-    if isinstance(column, np.ndarray) and column.dtype.kind in "iuf":
-        return map(repr, column.tolist())
-    return map(_cell, column.tolist() if isinstance(column, np.ndarray) else column)
+    if isinstance(column, np.ndarray):
+        if column.dtype.kind in "iuf":
+            return map(repr, column.tolist())
+        column = column.tolist()
+    if all(isinstance(value, str) for value in column):
+        quoted = {text: _quoted(text) for text in set(column)}
+        return map(quoted.__getitem__, column)
+    return map(_cell, column)
 
 
 def _cell(value: Any) -> str:

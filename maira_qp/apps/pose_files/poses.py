@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from maira_qp.apps.pose_files.columns import layout
+from maira_qp.apps.pose_files.columns import Layout, layout
 from maira_qp.apps.pose_files.csv_table import CsvTable
 from maira_qp.apps.pose_files.npz_table import NpzTable
 from maira_qp.apps.pose_files.parquet_table import ParquetTable, check_pyarrow
@@ -17,8 +17,8 @@ from maira_qp.errors import OptionError, PoseError
 from maira_qp.orientation import ORTHONORMAL_WITHIN, exact_rotation, matrix_from_quaternion
 
 FORMATS = (".csv", ".npz", ".parquet")
-BLOCK = 50_000
-"""Rows are worked on in blocks of so many, which bounds the memory in between."""
+BLOCK = 20_000
+"""Poses are made and solved in blocks of so many, which bounds the memory; no answer depends on it."""
 Name = Callable[[int], str]
 """Where the i-th of some rows stands in the file, for a person."""
 ON_PURPOSE = "--project takes the nearest rotation on purpose"
@@ -26,15 +26,42 @@ ON_PURPOSE = "--project takes the nearest rotation on purpose"
 
 @dataclass(frozen=True)
 class Poses:
-    """What a file asks for."""
+    """What a file asks for: N poses, made from its numbers when they are wanted."""
 
     table: Table
-    targets: np.ndarray
-    """(N, 4, 4), rotations to `ORTHONORMAL_WITHIN`; a row with an empty cell, or one that is not finite, is all NaN."""
-    q0: np.ndarray | None
-    """(N, n) [rad or m], finite; zero where the target is NaN"""
+    layout: Layout
+    radian: float
+    """One radian in the unit of the file."""
+    scale: np.ndarray
+    """(n,) one rad or m of each joint in the unit of the file."""
+    project: bool
+    """Take the nearest rotation to a rounded one, however far it is."""
     valid: np.ndarray
-    """(N,) the row holds a pose"""
+    """(N,) the row holds a pose: no cell of it is empty, all numbers are finite."""
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    def targets(self, rows: slice) -> np.ndarray:
+        """Transformations (M, 4, 4) [m]; all NaN where there is no pose. Raises `PoseError`, which names the row."""
+        found = np.arange(len(self))[rows][self.valid[rows]]
+        numbers = self.table.numbers[rows, : len(self.layout.pose)]
+        T = np.full((len(numbers), 4, 4), np.nan)
+        T[self.valid[rows]] = _transformations(
+            self.layout.form,
+            numbers[self.valid[rows]],
+            self.radian,
+            self.project,
+            lambda i: self.table.where(int(found[i])),
+        )
+        return T
+
+    def starts(self, rows: slice) -> np.ndarray | None:
+        """Starts (M, n) [rad or m], zero where there is no pose; None: the file holds none."""
+        if not self.layout.start:
+            return None
+        numbers = self.table.numbers[rows, len(self.layout.pose) :]
+        return np.where(self.valid[rows, None], numbers, 0.0) / self.scale
 
 
 def check_format(path: Path) -> None:
@@ -68,16 +95,16 @@ def read_poses(
             raise PoseError(f"{path}: {reason}") from None
 
     table = _read(path, choose, joint_names)
-    found = layout(table.names, joint_names)
-    width = len(found.pose)
     valid = np.logical_and.reduce(np.isfinite(table.numbers), axis=1)
-    targets = np.full((len(table), 4, 4), np.nan)
-    for begin in range(0, len(table), BLOCK):
-        rows = begin + np.flatnonzero(valid[begin : begin + BLOCK])
-        name = _names(table, rows)
-        targets[rows] = _transformations(found.form, table.numbers[rows, :width], radian, project, name)
-    q0 = np.where(valid[:, None], table.numbers[:, width:], 0.0) / scale if found.start else None
-    return Poses(table, targets, q0, valid)
+    poses = Poses(table, layout(table.names, joint_names), radian, scale, project, valid)
+    for rows in blocks(len(poses)):
+        poses.targets(rows)  # a bad one is told now, not after the rows before it were solved
+    return poses
+
+
+def blocks(count: int) -> list[slice]:
+    """Rows in blocks, at least one of them."""
+    return [slice(begin, begin + BLOCK) for begin in range(0, max(count, 1), BLOCK)]
 
 
 def _read(path: Path, choose: Choose, joint_names: Sequence[str]) -> Table:
@@ -85,10 +112,6 @@ def _read(path: Path, choose: Choose, joint_names: Sequence[str]) -> Table:
     if suffix == ".csv":
         return CsvTable(path, choose)
     return NpzTable(path, choose, joint_names) if suffix == ".npz" else ParquetTable(path, choose)
-
-
-def _names(table: Table, rows: np.ndarray) -> Name:
-    return lambda i: table.where(int(rows[i]))
 
 
 def _transformations(form: str, numbers: np.ndarray, radian: float, project: bool, name: Name) -> np.ndarray:
