@@ -99,10 +99,10 @@ def _summary(solver: Solver, poses: Poses, answers: dict[str, np.ndarray], secon
         **{status.name.lower(): int((answers["status"][valid] == status.name).sum()) for status in list(Status)[1:]},
         "without_pose": int((~valid).sum()),
         "first_not_solved": None if solved.all() else poses.table.where(int(np.argmin(solved))),
-        "starts_moved_onto_limits": int(answers["start_projected"].sum()),
+        "starts_moved_onto_limits": int(answers["start_projected"][valid].sum()),
         "redundancy_not_settled": 0 if solver.redundancy is None else int(unsettled.sum()),
-        "worst_position_error": answers["position_error"][valid].max(initial=0.0),
-        "worst_orientation_error": answers["orientation_error"][valid].max(initial=0.0),
+        "worst_position_error": answers["position_error"][valid].max() if valid.any() else None,
+        "worst_orientation_error": answers["orientation_error"][valid].max() if valid.any() else None,
         "seconds": seconds,
         "poses_per_second": count / max(seconds, 1e-9),
     }
@@ -119,8 +119,9 @@ def _show(summary: dict[str, Any]) -> None:
     for name, meaning in REMARKS.items():
         if summary[name]:
             table.add_row(meaning, str(summary[name]))
-    table.add_row("worst position error [m]", f"{summary['worst_position_error']:.3g}")
-    table.add_row("worst orientation error [rad]", f"{summary['worst_orientation_error']:.3g}")
+    if summary["worst_position_error"] is not None:
+        table.add_row("worst position error [m]", f"{summary['worst_position_error']:.3g}")
+        table.add_row("worst orientation error [rad]", f"{summary['worst_orientation_error']:.3g}")
     table.add_row("time", f"{summary['seconds']:.3g} s, {summary['poses_per_second']:.0f} poses a second")
     table.add_row("QPs solved by", summary["backend"])
     table.add_row("answers", summary["output"])

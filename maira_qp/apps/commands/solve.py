@@ -131,7 +131,7 @@ class Solve:
         matrix = None if self.matrix is None else read_matrix(self.matrix)
         whole = matrix is not None and matrix.shape == (4, 4)
         if self.position is None and not whole:
-            raise PoseError("where to? give --position X Y Z, or --matrix FILE with a 4x4 pose")
+            raise PoseError("where to? give --position X Y Z, --matrix FILE with a 4x4 pose, or --batch FILE with many")
         if self.position is not None and whole:
             raise PoseError("--position and a 4x4 --matrix both give a position; leave one out")
         return pose(

@@ -8,6 +8,7 @@ caller's own.
 from __future__ import annotations
 
 import difflib
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -52,7 +53,7 @@ def layout(names: Sequence[str], joint_names: Sequence[str]) -> Layout:
     if len(forms) > 1:
         raise PoseError(f"one orientation is enough: there are both {found[forms[0]][0]!r} and {found[forms[1]][0]!r}")
     if not forms:
-        every = [name for own in ORIENTATIONS.values() for name in own]
+        every = list(itertools.chain(*ORIENTATIONS.values()))
         raise PoseError(f"no column of an orientation{_hint(every, names)}; {VALID}")
     form = forms[0]
     if form == "matrix" and any(name in names for name in POSITION):
@@ -86,7 +87,8 @@ def _complete(wanted: Sequence[str], names: Sequence[str], valid: str) -> None:
 
 def _hint(missing: Sequence[str], names: Sequence[str]) -> str:
     """A misspelt name among the columns, if one is like something that is missing."""
-    written = {name.lower(): name for name in reversed(names)}
+    known = {*POSITION, *itertools.chain(*ORIENTATIONS.values())}
+    written = {name.lower(): name for name in names if name not in known and not name.startswith(START)}
     for wanted in missing:
         close = difflib.get_close_matches(wanted, written, n=1)
         if close:

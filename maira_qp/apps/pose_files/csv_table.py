@@ -118,7 +118,7 @@ class CsvTable(Table):
         width = len(self.names)
         for begin, _, cells in chunk:
             if len(cells) != width:
-                raise PoseError(f"{self.path}, line {begin + 1} has {len(cells)} values for {width} columns ({POINT})")
+                raise PoseError(f"{self._line(begin)} has {len(cells)} values for {width} columns ({POINT})")
         chosen = list(itertools.chain.from_iterable(map(itemgetter(*place), map(itemgetter(2), chunk))))
         try:
             if "_" in "".join(chosen):

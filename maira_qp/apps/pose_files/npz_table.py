@@ -13,7 +13,7 @@ import numpy as np
 
 from maira_qp.apps.pose_files.columns import LAST_ROW, MATRIX, START
 from maira_qp.apps.pose_files.table import ALL, Choose, Table
-from maira_qp.errors import PoseError, listed
+from maira_qp.errors import PoseError
 
 
 class NpzTable(Table):
@@ -24,8 +24,7 @@ class NpzTable(Table):
         self.path = path
         self.arrays = _load(path)
         if len(self.arrays) != 1 and "targets" not in self.arrays:
-            hint = f"; {listed(self.arrays, 'targets')}" if self.arrays else ""
-            raise PoseError(f"{path} holds no array 'targets' (N, 4, 4){hint}")
+            raise PoseError(f"{path} holds no array 'targets' (N, 4, 4) but {', '.join(self.arrays) or 'nothing'}")
         poses = "targets" if "targets" in self.arrays else next(iter(self.arrays))
         shapes: dict[str, tuple[int | None, ...]] = {poses: (None, 4, 4)}
         labels: dict[str, tuple[str, ...]] = {poses: (*MATRIX, *LAST_ROW)}
@@ -63,10 +62,11 @@ def write_npz(file: BinaryIO, table: Table, answers: Mapping[str, np.ndarray]) -
 
 
 def _load(path: Path) -> dict[str, np.ndarray]:
+    with open(path, "rb") as file:
+        if not zipfile.is_zipfile(file):
+            raise PoseError(f"{path} is no archive of arrays, or not the whole of one")
     try:
         with np.load(path, allow_pickle=False) as archive:
-            if isinstance(archive, np.ndarray):
-                raise ValueError("it is a single array (.npy)")
             return {name: archive[name] for name in archive.files}
     except (ValueError, TypeError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as reason:
         raise PoseError(f"{path} cannot be read as an archive of arrays: {reason}") from None
@@ -91,10 +91,10 @@ def _columns(name: str, array: np.ndarray, labels: Sequence[str] | None) -> Iter
 
 
 def _without_objects(values: Any) -> np.ndarray:
-    """Values as an array that needs no pickle: numbers with NaN for None, or else text."""
-    array = np.asarray(values)
-    if array.dtype.kind != "O":
-        return array
-    if any(isinstance(value, float) for value in array) and all(isinstance(v, (int, float, type(None))) for v in array):
-        return array.astype(float)
-    return np.array(["" if value is None else str(value) for value in array], dtype=str)
+    """Values as an array that needs no pickle: numbers, NaN where there is none, or else text."""
+    if isinstance(values, np.ndarray) and values.dtype.kind != "O":
+        return values
+    kinds = {type(value) for value in values}
+    if kinds & {int, float} and kinds <= {int, float, type(None)}:
+        return np.array(values, dtype=float)
+    return np.array(["" if value is None else str(value) for value in values], dtype=str)
