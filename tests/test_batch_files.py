@@ -127,7 +127,7 @@ def misuse(answer):
 
 @pytest.mark.parametrize("kind", FORMATS)
 def test_the_answers_are_those_of_solve_batch_to_the_bit(run, tmp_path, maira, asked, kind):
-    """A file of exact poses is answered beside it as the library answers the array; the poses stand first, untouched."""
+    """A file of exact poses is answered as the library answers the array; the poses stand first, untouched."""
     T, _ = asked
     path = write(tmp_path / f"poses.{kind}", {"targets": T} if kind == "npz" else in_columns(T))
     assert run(path, "--seed", 5)[0] == 0
