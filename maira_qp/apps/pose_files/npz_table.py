@@ -12,8 +12,11 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from maira_qp.apps.pose_files.columns import LAST_ROW, MATRIX, START
-from maira_qp.apps.pose_files.table import ALL, Choose, Table
+from maira_qp.apps.pose_files.table import ALL, Choose, Table, one_line
 from maira_qp.errors import PoseError
+
+UNREADABLE = (ValueError, EOFError, KeyError, OSError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error)
+"""What NumPy and zipfile raise for an archive that is damaged, encrypted, or packed in a way unknown to them."""
 
 
 class NpzTable(Table):
@@ -65,11 +68,11 @@ def _load(path: Path) -> dict[str, np.ndarray]:
     with open(path, "rb") as file:
         if not zipfile.is_zipfile(file):
             raise PoseError(f"{path} is no archive of arrays, or not the whole of one")
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except (ValueError, TypeError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as reason:
-        raise PoseError(f"{path} cannot be read as an archive of arrays: {reason}") from None
+        try:
+            with np.load(file, allow_pickle=False) as archive:
+                return {name: archive[name] for name in archive.files}
+        except UNREADABLE as reason:
+            raise PoseError(f"{path} cannot be read as an archive of arrays: {one_line(reason)}") from None
 
 
 def _check_numbers(array: np.ndarray, shape: tuple[int | None, ...], name: str) -> None:

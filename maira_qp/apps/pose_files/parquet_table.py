@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from maira_qp.apps.pose_files.table import ALL, Choose, Table
+from maira_qp.apps.pose_files.table import ALL, Choose, Table, one_line
 from maira_qp.errors import OptionError, PoseError
 
 
@@ -31,8 +31,8 @@ class ParquetTable(Table):
         with open(path, "rb") as file:
             try:
                 self.table = parquet.ParquetFile(file).read()
-            except (pa.ArrowException, OSError) as reason:
-                raise PoseError(f"{path} cannot be read as Parquet: {str(reason).splitlines()[0]}") from None
+            except (pa.ArrowException, OSError, ValueError) as reason:
+                raise PoseError(f"{path} cannot be read as Parquet: {one_line(reason)}") from None
         self.names = [name.strip() for name in self.table.column_names]
         chosen = choose(self.names)
         self.numbers = np.empty((self.table.num_rows, len(chosen)))
@@ -74,7 +74,7 @@ def _arrow(columns: Mapping[str, Any]) -> Any:
         try:
             arrays[name] = pa.array(values)
         except pa.ArrowException as reason:
-            raise PoseError(f"column {name!r} cannot be written as Parquet: {reason}") from None
+            raise PoseError(f"column {name!r} cannot be written as Parquet: {one_line(reason)}") from None
     return pa.table(arrays)
 
 

@@ -34,3 +34,8 @@ class Table(ABC):
     @abstractmethod
     def columns(self, rows: slice = ALL) -> dict[str, Any]:
         """All columns by name, each an array or a list, of some rows."""
+
+
+def one_line(reason: BaseException) -> str:
+    """What a library says, on one line."""
+    return " ".join(str(reason).split())
