@@ -68,6 +68,7 @@ def _load(path: Path) -> dict[str, np.ndarray]:
     with open(path, "rb") as file:
         if not zipfile.is_zipfile(file):
             raise PoseError(f"{path} is no archive of arrays, or not the whole of one")
+        file.seek(0)
         try:
             with np.load(file, allow_pickle=False) as archive:
                 return {name: archive[name] for name in archive.files}
