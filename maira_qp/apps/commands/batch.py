@@ -16,7 +16,7 @@ from maira_qp.apps.pose_files.answers import check_output, columns, left_out, wr
 from maira_qp.apps.pose_files.poses import Poses, blocks, read_poses
 from maira_qp.errors import OptionError, PoseError
 from maira_qp.solvers.solution import BatchSolution, Status
-from maira_qp.solvers.solver import Solver
+from maira_qp.solvers.solver import FARTHEST, Solver
 
 REMARKS = {
     "nearest": "NEAREST: a nearest point, not at the pose",
@@ -51,6 +51,7 @@ class Batch:
             joints,
             radian=angles.one,
             scale=angles.write(np.ones(len(joints))),
+            farthest=FARTHEST * solver.robot.length,
             project=self.project,
         )
         if self.q0 is not None and poses.layout.start:

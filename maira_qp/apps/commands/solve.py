@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -167,12 +167,11 @@ def read_matrix(path: Path) -> np.ndarray:
 
 
 def _as_json(robot: Robot, angles: Angles, s: Solution) -> dict[str, Any]:
-    fields = asdict(s)
     return {
         "robot": robot.name,
         "tip": robot.tip,
         "joint_names": robot.joint_names,
-        **fields,
+        **s.as_dict(),
         "q": angles.write(s.q),
         "q_units": angles.units,
         "status": s.status.name,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,7 +33,7 @@ class Poses:
     layout: Layout
     radian: float
     """One radian in the unit of the file."""
-    scale: np.ndarray
+    scale: np.ndarray | float
     """(n,) one rad or m of each joint in the unit of the file."""
     project: bool
     """Take the nearest rotation to a rounded one, however far it is."""
@@ -73,7 +74,13 @@ def check_format(path: Path) -> None:
 
 
 def read_poses(
-    path: Path, joint_names: Sequence[str], *, radian: float, scale: np.ndarray, project: bool = False
+    path: Path,
+    joint_names: Sequence[str],
+    *,
+    radian: float = 1.0,
+    scale: np.ndarray | float = 1.0,
+    farthest: float = math.inf,
+    project: bool = False,
 ) -> Poses:
     """The poses of a file.
 
@@ -82,6 +89,7 @@ def read_poses(
         joint_names: n names, for the columns of the start.
         radian: one radian in the unit of the file.
         scale: (n,) one rad or m of each joint in the unit of the file.
+        farthest: a coordinate [m] beyond which a position is a mistake.
         project: take the nearest rotation to a rounded one, however far it is.
 
     Raises `PoseError`, which names the row or column, `OptionError`, `OSError`.
@@ -98,7 +106,10 @@ def read_poses(
     valid = np.logical_and.reduce(np.isfinite(table.numbers), axis=1)
     poses = Poses(table, layout(table.names, joint_names), radian, scale, project, valid)
     for rows in blocks(len(poses)):
-        poses.targets(rows)  # a bad one is told now, not after the rows before it were solved
+        T = poses.targets(rows)  # a bad one is told now, not after the rows before it were solved
+        distance = np.abs(T[:, :3, 3]).max(axis=1)
+        for i in np.flatnonzero(distance > farthest)[:1].tolist():
+            raise PoseError(f"{table.where(rows.start + i)}: {distance[i]:.3g} m away is no target for this arm")
     return poses
 
 
