@@ -10,12 +10,12 @@ from maira_qp.errors import MairaError
 
 
 def real_array(
-    value: Any, shape: tuple[int | None, ...], name: str, error: type[MairaError], *, finite: bool = True
+    value: Any, shape: tuple[int | None, ...], name: str, error: type[MairaError], *, finite: bool | None = True
 ) -> np.ndarray:
     """A fresh float64 array of the given shape (None: any length) from what a caller passed.
 
-    Raises `error` for strings, objects, booleans and complex numbers, for another shape, for NaN, and for
-    infinities unless `finite` is False.
+    Raises `error` for strings, objects, booleans and complex numbers, for another shape, and for what
+    is not finite; with `finite` False for NaN only, with None for neither.
     """
     try:
         raw = np.asarray(value)
@@ -27,6 +27,6 @@ def real_array(
     if len(array.shape) != len(shape) or any(s not in (None, n) for s, n in zip(shape, array.shape, strict=True)):
         wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ("," if len(shape) == 1 else "") + ")"
         raise error(f"{name} must have shape {wanted}, not {array.shape}")
-    if np.isnan(array).any() or (finite and not np.isfinite(array).all()):
+    if finite is not None and (np.isnan(array).any() or (finite and not np.isfinite(array).all())):
         raise error(f"{name} must be finite, got {np.array2string(array, threshold=20, precision=4)}")
     return array

@@ -13,7 +13,16 @@ def kernel(function: Callable) -> Any:
 
     Division follows IEEE 754; of the fast-math flags only contraction to fused multiply-add is on, so NaN stays NaN.
     """
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+    return _compiled(function)
+
+
+def bare_kernel(function: Callable) -> Any:
+    """The same for a function that makes no array: it then counts no references, which costs as much as the work."""
+    return _compiled(function, _nrt=False)
+
+
+def _compiled(function: Callable, **options: Any) -> Any:
+    options |= {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
     try:
         return njit(cache=True, **options)(function)
     except RuntimeError:  # no folder for the cache: a read-only package and no home

@@ -1,92 +1,256 @@
-"""Reach a pose from a start and from random ones: the compiled form of `maira_qp.solvers.search`.
+"""Reach poses from given starts and from others, eight descents at a time: the compiled form of
+`maira_qp.solvers.search`.
 
-Every attempt has a random stream of its own, made from the target's stream and the attempt's number alone, so that an
-answer depends on neither threads, nor order, nor on how a search is cut into calls.
+A search makes attempts in order until one arrives, and takes the first that does. The lanes are shared between up to
+eight targets: a lane that is free opens the next target, or, where none is left, makes a further attempt at one that is
+open, in case the attempts under way fail. So a batch keeps all lanes busy, and a single target has eight attempts at
+once; but which attempt counts depends on neither: every attempt begins where its target, its number and the target's
+random numbers say, and an earlier one that arrives goes before a later one.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import uint64
 
 from maira_qp.kernels.chain import LOWER, UPPER
-from maira_qp.kernels.compilation import kernel
-from maira_qp.kernels.descent import ORIENTATION_WEIGHT, POSITION_WEIGHT, descend, is_reached, pose_cost
+from maira_qp.kernels.compilation import bare_kernel
+from maira_qp.kernels.descent import (
+    COST,
+    ENDED,
+    ITERATIONS,
+    ORIENTATION,
+    ORIENTATION_WEIGHT,
+    POSITION,
+    POSITION_WEIGHT,
+    REACHED,
+    advance,
+    begin,
+    lanes_memory,
+    make_lanes,
+)
+from maira_qp.kernels.lanes import LANES, any_lane, load
+from maira_qp.kernels.random_numbers import stream_of
+from maira_qp.kernels.rigid import FINE, pose_row
+from maira_qp.kernels.starts import find_nearest, random_start, state_of
+
+NOBODY = -1
+
+# the entries of an outcome
+SUCCESS, ATTEMPT, SPENT, FINAL_COST, POSITION_ERROR, ORIENTATION_ERROR = 0, 1, 2, 3, 4, 5
+OUTCOME = 6
+
+# the columns of `slots`, the targets that are open, eight at most: its number (`NOBODY`: the slot is free), the attempt
+# that comes next, how many are under way, the first that arrived (past the last: none), the one that `found` is from
+TARGET, FOLLOWING, RUNNING, WINNER, BEST = 0, 1, 2, 3, 4
+SLOT = 5
+
+# the columns of `lane_of`: the slot that a lane serves (`NOBODY`: none), and which attempt it makes
+SERVES, MAKES = 0, 1
 
 
-@kernel
-def next_random(state):
-    """The next 64 bits of a stream, and its new state (Steele, Lea and Flood, "splitmix64", OOPSLA 2014)."""
-    state = uint64(state + uint64(0x9E3779B97F4A7C15))
-    z = uint64((state ^ (state >> uint64(30))) * uint64(0xBF58476D1CE4E5B9))
-    z = uint64((z ^ (z >> uint64(27))) * uint64(0x94D049BB133111EB))
-    return uint64(z ^ (z >> uint64(31))), state
+def memory_sizes(n, attempts):
+    """How many numbers `search` and `search_one` need as `floats` and as `integers`, for a chain of n joints."""
+    return 12 + 2 * lanes_memory(n) + n + LANES * (3 + n), 1 + LANES * (2 + SLOT + LANES + attempts)
 
 
-@kernel
-def state_of(stream, attempt):
-    """The first state of an attempt's stream."""
-    bits, _ = next_random(uint64(stream))
-    bits, _ = next_random(uint64(bits ^ uint64(attempt)))
-    return bits
+@bare_kernel
+def search(
+    chain,
+    settings,
+    library,
+    features,
+    candidates,
+    shuffled,
+    targets,
+    starts,
+    streams,
+    first,
+    last,
+    floats,
+    integers,
+    q,
+    outcome,
+):
+    """The first of the attempts first, ..., last to arrive at each of `targets` (N, 12), else the best: q (N, n).
 
-
-@kernel
-def random_start(chain, settings, target, candidates, state, best):
-    """The best by cost of a few random configurations, into `best` (n,); a joint without limits starts in one turn."""
-    n = len(best)
-    axes, origins, tool, e = np.empty((n, 3)), np.empty((n, 3)), np.empty(12), np.empty(6)
-    q, least = np.empty(n), np.inf
-    for _ in range(candidates):
-        for i in range(n):
-            low, high = chain[i, LOWER], chain[i, UPPER]
-            if np.isinf(low):
-                low, high = -np.pi, np.pi
-            bits, state = next_random(state)
-            share = (bits >> uint64(11)) * (1.0 / 9007199254740992.0)
-            q[i] = min(max((1.0 - share) * low + share * high, low), high)
-        cost = pose_cost(chain, settings, target, q, axes, origins, tool, e)
-        if cost < least:
-            least = cost
-            best[:] = q
-
-
-@kernel
-def search(chain, settings, target, start, has_start, candidates, first, last, stream, q, outcome):
-    """The best of the attempts first, ..., last into q (n,); attempt 0 begins at `start` (n,) if there is one.
-
-    `outcome` (6,) becomes [reached, last attempt made, iterations, cost, position error, orientation error], the
-    verdict and the errors by a fresh evaluation of q.
+    Attempt 0 begins at `starts` (N, n), which may have no rows; the next `LANES` at configurations of the `library`
+    (K, n), the nearest one first, or, if `shuffled`, any of them; the others at the best of so many random `candidates`.
+    What is random comes from `streams` (N,). `outcome` (N, 6) becomes [reached, last attempt that counts, iterations,
+    cost, position error, orientation error]. `floats` and `integers` are memory to work in, see `memory_sizes`.
+    A target with NaN costs only itself: it is left at q = 0, or as near as the limits allow, with errors of NaN.
     """
-    n = len(q)
-    trial, least, iterations, attempt = np.empty(n), np.inf, 0, first
-    for i in range(n):
-        q[i] = min(max(0.0, chain[i, LOWER]), chain[i, UPPER])
+    n, attempts = len(chain) - 1, last - first + 1
+    memory = lanes_memory(n)
+    lanes, work = make_lanes(n, floats), make_lanes(n, floats[memory:])
+    floats = floats[2 * memory :]
+    q0 = floats[:n]
+    # of each slot: cost, squared errors and q; its starts in the library; the iterations of every attempt
+    found = floats[n : n + (3 + n) * LANES].reshape(LANES, 3 + n)
+    nearest = integers[: LANES * LANES].reshape(LANES, LANES)
+    spent = integers[LANES * LANES : LANES * (LANES + attempts)].reshape(LANES, attempts)
+    integers = integers[LANES * (LANES + attempts) :]
+    slots = integers[: SLOT * LANES].reshape(LANES, SLOT)
+    lane_of = integers[SLOT * LANES : (SLOT + 2) * LANES].reshape(LANES, 2)
+    for lane in range(LANES):
+        lane_of[lane, SERVES], slots[lane, TARGET] = NOBODY, NOBODY
+    opened = 0
     while True:
-        if attempt == 0 and has_start:
-            trial[:] = start
+        if any_lane(load(lanes.state, ENDED) > 0.0):
+            _collect(lanes.state, lanes.q, lane_of, slots, found, spent, first, last)
+            _close(settings, slots, found, spent, first, last, q, outcome)
+            busy = False
+            for lane in range(LANES):
+                if lane_of[lane, SERVES] == NOBODY:
+                    slot = _slot_to_serve(slots, last)
+                    while opened < len(targets) and (slot == NOBODY or slots[slot, RUNNING] > 0):
+                        if _is_finite(targets, opened):
+                            slot = _open(slots, found, opened, first, last)
+                            find_nearest(settings, features, targets[opened], work.q, nearest[slot])
+                        else:
+                            _refuse(chain, opened, q, outcome)
+                        opened += 1
+                    if slot != NOBODY:
+                        k, attempt = slots[slot, TARGET], slots[slot, FOLLOWING]
+                        place = attempt - (len(starts) > 0)
+                        if place < 0:
+                            _copy(starts, k, q0)
+                        elif place < LANES:
+                            turn = streams[k] >> np.uint64(32) if shuffled else np.uint64(0)
+                            _copy(library, nearest[slot, (place + np.int64(turn)) % LANES], q0)
+                        else:
+                            state = state_of(streams[k], attempt)
+                            random_start(chain, settings, targets[k], candidates, state, work, q0)
+                        begin(lanes.state, lanes.q, lanes.target, lane, q0, targets[k])
+                        lane_of[lane, SERVES], lane_of[lane, MAKES] = slot, attempt
+                        slots[slot, FOLLOWING] += 1
+                        slots[slot, RUNNING] += 1
+                busy = busy or lane_of[lane, SERVES] != NOBODY
+            if not busy:
+                break
+        advance(chain, settings, lanes)
+
+
+@bare_kernel
+def _copy(rows, k, row):
+    for i in range(len(row)):
+        row[i] = rows[k, i]
+
+
+@bare_kernel
+def _collect(state, lane_q, lane_of, slots, found, spent, first, last):
+    """Note the attempts that have ended, and break off those that can no longer count."""
+    for lane in range(LANES):
+        slot, attempt = lane_of[lane, SERVES], lane_of[lane, MAKES]
+        if slot == NOBODY or state[ENDED, lane] == 0.0:
+            continue
+        lane_of[lane, SERVES] = NOBODY
+        slots[slot, RUNNING] -= 1
+        spent[slot, attempt - first] = int(state[ITERATIONS, lane])
+        cost = state[COST, lane]
+        if state[REACHED, lane] > 0.0:
+            better = attempt < slots[slot, WINNER]
+            slots[slot, WINNER] = min(attempt, slots[slot, WINNER])
         else:
-            random_start(chain, settings, target, candidates, state_of(stream, attempt), trial)
-        cost, reached, spent = descend(chain, settings, target, trial)
-        iterations += spent
-        if reached or cost < least:
-            least = cost
-            q[:] = trial
-        if reached or attempt >= last:
-            break
-        attempt += 1
-    axes, origins, tool, e = np.empty((n, 3)), np.empty((n, 3)), np.empty(12), np.empty(6)
-    outcome[3] = pose_cost(chain, settings, target, q, axes, origins, tool, e)
-    outcome[0], outcome[1], outcome[2] = is_reached(settings, e), attempt, iterations
-    outcome[4] = np.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]) if settings[POSITION_WEIGHT] > 0.0 else 0.0
-    outcome[5] = np.sqrt(e[3] * e[3] + e[4] * e[4] + e[5] * e[5]) if settings[ORIENTATION_WEIGHT] > 0.0 else 0.0
+            tie = cost == found[slot, 0] and attempt < slots[slot, BEST]
+            better = slots[slot, WINNER] > last and (cost < found[slot, 0] or tie)
+        if better:
+            slots[slot, BEST] = attempt
+            found[slot, 0], found[slot, 1], found[slot, 2] = cost, state[POSITION, lane], state[ORIENTATION, lane]
+            for i in range(len(lane_q)):
+                found[slot, 3 + i] = lane_q[i, lane]
+    for lane in range(LANES):
+        slot = lane_of[lane, SERVES]
+        if slot != NOBODY and lane_of[lane, MAKES] > slots[slot, WINNER]:
+            lane_of[lane, SERVES] = NOBODY
+            slots[slot, RUNNING] -= 1
+            state[ENDED, lane] = 1.0
 
 
-@kernel
-def search_batch(chain, settings, targets, starts, has_start, candidates, last, streams, q, outcome):
-    """`search` for each of `targets` (N, 12) from `starts` (N, n) with `streams` (N,): q (N, n), outcome (N, 6).
+@bare_kernel
+def _close(settings, slots, found, spent, first, last, q, outcome):
+    """Write down what became of the targets that are done, and free their slots."""
+    for slot in range(LANES):
+        k, winner = slots[slot, TARGET], slots[slot, WINNER]
+        if k == NOBODY or slots[slot, RUNNING] > 0 or (winner > last and slots[slot, FOLLOWING] <= last):
+            continue
+        slots[slot, TARGET] = NOBODY
+        iterations = 0
+        for attempt in range(min(winner, last) - first + 1):
+            iterations += spent[slot, attempt]
+        for i in range(q.shape[1]):
+            q[k, i] = found[slot, 3 + i]
+        outcome[k, SUCCESS], outcome[k, ATTEMPT], outcome[k, SPENT] = winner <= last, min(winner, last), iterations
+        outcome[k, FINAL_COST] = found[slot, 0]
+        outcome[k, POSITION_ERROR] = np.sqrt(found[slot, 1]) if settings[POSITION_WEIGHT] > 0.0 else 0.0
+        outcome[k, ORIENTATION_ERROR] = np.sqrt(found[slot, 2]) if settings[ORIENTATION_WEIGHT] > 0.0 else 0.0
 
-    A target with NaN costs only itself.
+
+@bare_kernel
+def _slot_to_serve(slots, last):
+    """The open slot that needs an attempt most: with none under way, else with the fewest; `NOBODY` if none does."""
+    served = NOBODY
+    for slot in range(LANES):
+        unsolved = slots[slot, TARGET] != NOBODY and slots[slot, WINNER] > last
+        fewest = served == NOBODY or slots[slot, RUNNING] < slots[served, RUNNING]
+        if unsolved and slots[slot, FOLLOWING] <= last and fewest:
+            served = slot
+    return served
+
+
+@bare_kernel
+def _open(slots, found, k, first, last):
+    """Take target k into a free slot."""
+    slot = 0
+    while slots[slot, TARGET] != NOBODY:
+        slot += 1
+    slots[slot, TARGET], slots[slot, FOLLOWING], slots[slot, RUNNING] = k, first, 0
+    slots[slot, WINNER], slots[slot, BEST] = last + 1, last + 1
+    found[slot, 0] = np.inf
+    return slot
+
+
+@bare_kernel
+def _is_finite(targets, k):
+    total = 0.0
+    for i in range(12):
+        total += 0.0 * targets[k, i]
+    return total == 0.0
+
+
+@bare_kernel
+def _refuse(chain, k, q, outcome):
+    """The outcome of a target that is not finite."""
+    for i in range(q.shape[1]):
+        q[k, i] = min(max(0.0, chain[i, LOWER]), chain[i, UPPER])
+    outcome[k, SUCCESS], outcome[k, ATTEMPT], outcome[k, SPENT] = 0.0, 0.0, 0.0
+    outcome[k, FINAL_COST], outcome[k, POSITION_ERROR], outcome[k, ORIENTATION_ERROR] = np.nan, np.nan, np.nan
+
+
+@bare_kernel
+def search_one(chain, settings, library, features, candidates, T, within, q0, seed, last, floats, integers, q, outcome):
+    """`search` for one target T (4, 4), from q0 (1, n) or (0, n), under a seed (2,): q (1, n) and outcome (1, 6).
+
+    Returns what is wrong with the target, see `rigid`; then nothing is searched.
     """
-    for k in range(len(targets)):
-        search(chain, settings, targets[k], starts[k], has_start, candidates, 0, last, streams[k], q[k], outcome[k])
+    row, streams = floats[:12], integers[:1].view(np.uint64)
+    fault = pose_row(T, within, row)
+    if fault == FINE:
+        streams[0] = stream_of(row, seed)
+        search(
+            chain,
+            settings,
+            library,
+            features,
+            candidates,
+            seed[0] != 0 or seed[1] != 0,
+            row.reshape(1, 12),
+            q0,
+            streams,
+            0,
+            last,
+            floats[12:],
+            integers[1:],
+            q,
+            outcome,
+        )
+    return fault

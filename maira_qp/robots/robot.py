@@ -71,12 +71,13 @@ class Robot:
         for limit in (self.lower, self.upper, self.velocity_limit, self.effort_limit):
             limit.setflags(write=False)  # unpickled arrays have lost it
         turns = np.isinf(self.lower)  # a continuous joint: one turn is all of it
-        self._range = np.where(turns, -np.pi, self.lower), np.where(turns, np.pi, self.upper)
-        self.middle = 0.5 * self._range[0] + 0.5 * self._range[1]
+        # what random configurations are drawn from
+        self.drawn_range = np.where(turns, -np.pi, self.lower), np.where(turns, np.pi, self.upper)
+        self.middle = 0.5 * self.drawn_range[0] + 0.5 * self.drawn_range[1]
         self.middle.setflags(write=False)
         self.dh = dh
         self.kinematics = Kinematics(self.model, self.frames, self.tip, self.name)
-        self.length = _length(self.model, self.model.frames[self.frame_id(None)], self._range)
+        self.length = _length(self.model, self.model.frames[self.frame_id(None)], self.drawn_range)
         bodies = [f for f in self.model.frames if f.type == pin.FrameType.BODY]
         self.moved_links = tuple(
             next(f.name for f in bodies if f.parentJoint == joint) for joint in range(1, self.model.njoints)
@@ -124,6 +125,17 @@ class Robot:
         """
         return self.at(self._checked(q)).jacobian(frame).copy()
 
+    def jacobians(self, q: np.ndarray) -> np.ndarray:
+        """Jacobians (N, 6, n) of the tip at configurations q (N, n), unchecked: `jacobian`, many at once."""
+        if self.kinematics.has_mimic:
+            return np.array([self.at(each).jacobian(None).copy() for each in q]).reshape(-1, 6, self.n)
+        from maira_qp.kernels.chain import jacobians  # heavy: Numba comes with it
+        from maira_qp.robots.serial_chain import chain_of
+
+        J = np.empty((*q.shape, 6))
+        jacobians(chain_of(self), np.ascontiguousarray(q), J)
+        return J.swapaxes(1, 2)
+
     def condition_number(self, q: Any, frame: str | None = None) -> float:
         """Largest over smallest singular value of the Jacobian at q (n,); inf where it is singular to rounding.
 
@@ -142,7 +154,7 @@ class Robot:
         """A configuration (n,) uniform within the limits, a continuous joint in [-pi, pi]. Raises `OptionError`."""
         if not isinstance(rng, np.random.Generator):
             raise OptionError(f"rng must be a numpy.random.Generator, such as default_rng(0), got {rng!r:.80}")
-        lower, upper = self._range
+        lower, upper = self.drawn_range
         share = rng.random(self.n)
         return np.clip((1 - share) * lower + share * upper, lower, upper)
 

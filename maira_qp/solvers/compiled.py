@@ -1,23 +1,25 @@
 """The compiled engine: which problems it takes, and the arrays that it needs of them.
 
 It runs the search of `search.py` and `descent.py` in compiled code for one pose task of the tip of a serial chain with
-box limits. The chain's arrays are read off `pin.Model`, so there is one truth about the robot.
+box limits.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
-from maira_qp.kernels.chain import LOWER, PRISMATIC, ROW, UPPER, jacobians
-from maira_qp.kernels.search import search, search_batch
+from maira_qp.kernels.lanes import LANES
+from maira_qp.kernels.search import OUTCOME, memory_sizes, search, search_one
+from maira_qp.kernels.starts import FEATURES, fill_library
+from maira_qp.orientation import ORTHONORMAL_WITHIN
 from maira_qp.problem.tasks import FrameTask
 from maira_qp.robots.robot import Robot
+from maira_qp.robots.serial_chain import chain_of
 from maira_qp.solvers import descent
 from maira_qp.solvers.descent import Budget, Descent
 from maira_qp.solvers.options import Options
@@ -26,17 +28,30 @@ from maira_qp.solvers.search import Search
 CHUNK = 256
 """Targets of a batch that a thread solves at a stretch: between two of them Ctrl-C is heard."""
 
+LIBRARY = 512
+"""Configurations to start from whose poses are known: a pass over them costs a fraction of an iteration."""
+
+FARTHEST_TURN = 1e5
+"""Angles [rad] beyond this the kernels' sine does not take."""
+
+Progress = Callable[[int, int], object]
+
 
 @dataclass(frozen=True)
 class Compiled:
-    """The arrays of one problem, see `maira_qp.kernels.chain` and `maira_qp.kernels.descent`."""
+    """The arrays of one problem, see `maira_qp.kernels`: `chain`, `descent`, `starts`."""
 
     robot: Robot
     chain: np.ndarray
-    """(n + 1, 15)"""
+    """(n + 1, 17)"""
     settings: np.ndarray
     """(13,)"""
+    library: np.ndarray
+    """(K, n)"""
+    features: np.ndarray
+    """(K / LANES, FEATURES, LANES)"""
     candidates: int
+    """Random configurations of which a start is the best"""
     last_attempt: int
 
     @staticmethod
@@ -68,90 +83,140 @@ class Compiled:
                 descent.LEAST_DAMPING,
             ]
         )
-        return Compiled(robot, chain_of(robot), settings, int(options.start_candidates), int(options.max_restarts))
+        chain, library = chain_of(robot), _spread(robot, LIBRARY)
+        features = np.empty((LIBRARY // LANES, FEATURES, LANES))
+        fill_library(chain, settings, library, features)
+        return Compiled(robot, chain, settings, library, features, options.start_candidates, options.max_restarts)
 
-    def search(self, row: np.ndarray, q0: np.ndarray | None, stream: int, budget: Budget) -> Search:
+    def __post_init__(self) -> None:
+        floats, integers = memory_sizes(self.robot.n, self.last_attempt + 1)
+        object.__setattr__(self, "_sizes", (int(floats), int(integers)))
+        object.__setattr__(self, "_no_start", np.empty((0, self.robot.n)))
+
+    def takes(self, starts: np.ndarray | None) -> bool:
+        """Whether the kernels can begin there, at (n,) or (N, n): a continuous joint may have wound up too far."""
+        return starts is None or bool(np.abs(starts).max(initial=0.0) <= FARTHEST_TURN)
+
+    def search_one(self, T: np.ndarray, q0: np.ndarray | None, seed: np.ndarray) -> tuple[int, np.ndarray, list]:
+        """What is wrong with the target T (4, 4), if anything, see `kernels.rigid`; q (n,), outcome (6,)."""
+        q, outcome = np.empty((1, self.robot.n)), np.empty((1, OUTCOME))
+        floats, integers = self._sizes
+        fault = search_one(
+            self.chain,
+            self.settings,
+            self.library,
+            self.features,
+            self.candidates,
+            T,
+            ORTHONORMAL_WITHIN,
+            self._no_start if q0 is None else q0.reshape(1, -1),
+            seed,
+            self.last_attempt,
+            np.empty(floats),
+            np.empty(integers, np.int64),
+            q,
+            outcome,
+        )
+        return fault, q[0], outcome[0].tolist()
+
+    def search(
+        self, row: np.ndarray, q0: np.ndarray | None, stream: np.ndarray, shuffled: bool, budget: Budget
+    ) -> Search:
         """The compiled form of `search.search` for a target (12,). With a deadline it looks up between attempts."""
-        q, outcome = np.empty(self.robot.n), np.empty(6)
-        start = q if q0 is None else q0
         first, stride = 0, 0 if budget.has_deadline else self.last_attempt
         best: Descent | None = None
+        starts = self._no_start if q0 is None else q0.reshape(1, -1)
         while True:
             last = min(first + stride, self.last_attempt)
-            args = (start, q0 is not None, self.candidates, first, last, np.uint64(stream), q, outcome)
-            search(self.chain, self.settings, row, *args)
-            budget.iterations += int(outcome[2])
-            found = self.found(q, outcome)
+            q, outcome = np.empty((1, self.robot.n)), np.empty((1, OUTCOME))
+            self._search(row.reshape(1, 12), starts, stream, shuffled, first, last, q, outcome)
+            budget.iterations += int(outcome[0, 2])
+            found = self.found(q[0], outcome[0])
             if best is None or found.best.reached or found.best.cost < best.cost:
                 best = found.best
             if best.reached or last == self.last_attempt or budget.late():
                 return Search(best, found.restarts)
             first = last + 1
 
-    def jacobians(self, q: np.ndarray) -> np.ndarray:
-        """Jacobians (N, 6, n) of the tip at q (N, n)."""
-        J = np.empty((*q.shape, 6))
-        jacobians(self.chain, q, J)
-        return J.swapaxes(1, 2)
-
-    def found(self, q: np.ndarray, outcome: np.ndarray) -> Search:
+    def found(self, q: np.ndarray, outcome: Sequence[float]) -> Search:
         """What a kernel left in q (n,) and outcome (6,)."""
         return Search(Descent(self.robot.at(q), float(outcome[3]), bool(outcome[0])), int(outcome[1]))
 
     def search_batch(
-        self, rows: np.ndarray, starts: np.ndarray | None, streams: np.ndarray, threads: int | None
+        self,
+        rows: np.ndarray,
+        starts: np.ndarray | None,
+        streams: np.ndarray,
+        shuffled: bool,
+        threads: int | None,
+        progress: Progress | None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """q (N, n), outcomes (N, 6) of `maira_qp.kernels.search`, of targets (N, 12) from starts (N, n) or None."""
-        count, n = len(rows), self.robot.n
-        q, outcome = np.zeros((count, n)), np.empty((count, 6))
-        given = q if starts is None else starts
+        count = len(rows)
+        q, outcome = np.empty((count, self.robot.n)), np.empty((count, OUTCOME))
 
-        def run(first: int) -> None:
+        def run(first: int) -> int:
             part = slice(first, first + CHUNK)
-            begin = given[part]
-            args = (
-                begin,
-                starts is not None,
-                self.candidates,
-                self.last_attempt,
-                streams[part],
-                q[part],
-                outcome[part],
-            )
-            search_batch(self.chain, self.settings, rows[part], *args)
+            begin = self._no_start if starts is None else starts[part]
+            self._search(rows[part], begin, streams[part], shuffled, 0, self.last_attempt, q[part], outcome[part])
+            return min(first + CHUNK, count)
 
-        pool = ThreadPoolExecutor(threads or os.cpu_count())
+        threads = min(threads or os.cpu_count() or 1, -(-count // CHUNK))
+        if threads <= 1:
+            for first in range(0, count, CHUNK):
+                done = run(first)
+                if progress is not None:
+                    progress(done, count)
+            return q, outcome
+        pool = ThreadPoolExecutor(threads)
         try:
-            for _ in pool.map(run, range(0, count, CHUNK)):
-                pass
+            for done in pool.map(run, range(0, count, CHUNK)):
+                if progress is not None:
+                    progress(done, count)
         finally:
             pool.shutdown(cancel_futures=True)  # Ctrl-C waits for the chunks under way, not for the rest
         return q, outcome
 
+    def _search(
+        self,
+        rows: np.ndarray,
+        starts: np.ndarray,
+        streams: np.ndarray,
+        shuffled: bool,
+        first: int,
+        last: int,
+        q: np.ndarray,
+        outcome: np.ndarray,
+    ) -> None:
+        floats, integers = memory_sizes(self.robot.n, last - first + 1)
+        search(
+            self.chain,
+            self.settings,
+            self.library,
+            self.features,
+            self.candidates,
+            shuffled,
+            rows,
+            starts,
+            streams,
+            first,
+            last,
+            np.empty(floats),
+            np.empty(integers, np.int64),
+            q,
+            outcome,
+        )
 
-def chain_of(robot: Robot) -> np.ndarray:
-    """The robot's chain (n + 1, 15) of `maira_qp.kernels.chain`: each joint's frame turned so that it moves along z."""
-    model, n = robot.model, robot.n
-    data = model.createData()
-    pin.computeJointJacobians(model, data, np.zeros(n))
-    chain, turn = np.zeros((n + 1, ROW)), np.eye(3)
-    for i in range(n):
-        motion = pin.getJointJacobian(model, data, i + 1, pin.LOCAL).reshape(6, n)[:, i]
-        prismatic = bool(np.abs(motion[:3]).max() > 0.5)
-        placement, next_turn = model.jointPlacements[i + 1], _z_onto(motion[:3] if prismatic else motion[3:])
-        chain[i, :9] = (turn.T @ placement.rotation @ next_turn).ravel()
-        chain[i, 9:12] = turn.T @ placement.translation
-        chain[i, PRISMATIC], chain[i, LOWER], chain[i, UPPER] = prismatic, robot.lower[i], robot.upper[i]
-        turn = next_turn
-    tool = model.frames[robot.frame_id(None)].placement
-    chain[n, :9], chain[n, 9:12] = (turn.T @ tool.rotation).ravel(), turn.T @ tool.translation
-    return chain
 
+def _spread(robot: Robot, count: int) -> np.ndarray:
+    """Configurations (count, n) that fill the limits evenly.
 
-def _z_onto(axis: np.ndarray) -> np.ndarray:
-    """A rotation (3, 3) whose z axis is the unit vector `axis` (3,); the identity where that is z."""
-    if axis[2] == 1.0:
-        return np.eye(3)
-    x = np.cross(np.eye(3)[np.abs(axis).argmin()], axis)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(axis, x), axis])
+    Point k is the fractional part of k a, a the powers of the root of x^(n + 1) = x + 1 (Roberts, "The unreasonable
+    effectiveness of quasirandom sequences", 2018).
+    """
+    root = 2.0
+    for _ in range(60):
+        root = (1 + root) ** (1 / (robot.n + 1))
+    share = (0.5 + np.outer(np.arange(count), root ** -np.arange(1.0, robot.n + 1))) % 1
+    lower, upper = robot.drawn_range
+    return np.clip((1 - share) * lower + share * upper, lower, upper)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cached_property
+from typing import Any, overload
 
 import numpy as np
 
@@ -40,14 +42,25 @@ _MEANINGS = {
 }
 
 
+class _OfRobot:
+    """Values that are computed when they are first asked for. A pickle holds them in place of the robot."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        self.condition_number, self.active_limits  # noqa: B018  (each keeps what it finds in __dict__)
+        return {**self.__dict__, "_robot": None}
+
+    condition_number: Any
+    active_limits: Any
+
+
 @dataclass(frozen=True, eq=False)
-class Solution:
+class Solution(_OfRobot):
     """The answer to one target. `q` is finite and inside the limits to the bit, whatever the status."""
 
     q: np.ndarray
     """Configuration (n,) [rad or m]"""
     success: bool
-    """The pose error of `q`, computed afresh, is within the tolerances."""
+    """The pose error of `q` is within the tolerances."""
     status: Status
     position_error: float
     """|p_d - p| [m]"""
@@ -57,10 +70,6 @@ class Solution:
     """Iterations (QPs solved) over all starts"""
     restarts: int
     """Starts after the first"""
-    condition_number: float
-    """Of the tool's Jacobian at `q`: largest by smallest singular value"""
-    active_limits: list[str]
-    """Limits that `q` stands on, such as "joint4 upper" """
     cost: float
     """Value of the redundancy's first objective at `q`; NaN without redundancy"""
     projected_gradient: float
@@ -73,11 +82,53 @@ class Solution:
     """The given start `q0` was outside the limits and was moved onto them."""
     backend: str
     """Who solved the QPs"""
+    _robot: Robot | None = field(repr=False)
+
+    @cached_property
+    def condition_number(self) -> float:
+        """Of the tool's Jacobian at `q`: largest by smallest singular value"""
+        return self._robot.condition_number(self.q)  # type: ignore[union-attr]
+
+    @cached_property
+    def active_limits(self) -> list[str]:
+        """Limits that `q` stands on, such as "joint4 upper" """
+        return active_limits(self._robot, self.q)  # type: ignore[arg-type]
+
+    def as_dict(self) -> dict[str, Any]:
+        """All values by their names."""
+        own = {name: getattr(self, name) for name in _VALUES}
+        return {**own, "condition_number": self.condition_number, "active_limits": self.active_limits}
+
+
+_VALUES = (
+    "q",
+    "success",
+    "status",
+    "position_error",
+    "orientation_error",
+    "iterations",
+    "restarts",
+    "cost",
+    "projected_gradient",
+    "optimal",
+    "start_projected",
+    "backend",
+)
+
+
+def solution_of(**values: Any) -> Solution:
+    """A `Solution` with these values; a frozen class's own constructor would take as long as a few iterations."""
+    solution = object.__new__(Solution)
+    solution.__dict__.update(values)
+    return solution
 
 
 @dataclass(frozen=True, eq=False)
-class BatchSolution:
-    """The answers to N targets: the fields of `Solution` with a leading axis N; `batch[i]` is a `Solution`."""
+class BatchSolution(_OfRobot):
+    """The answers to N targets: the fields of `Solution` with a leading axis N.
+
+    `batch[i]` is a `Solution`, `batch[i:j]` a shorter batch.
+    """
 
     q: np.ndarray
     """(N, n)"""
@@ -93,10 +144,6 @@ class BatchSolution:
     """(N,)"""
     restarts: np.ndarray
     """(N,)"""
-    condition_number: np.ndarray
-    """(N,)"""
-    active_limits: list[list[str]]
-    """N lists"""
     cost: np.ndarray
     """(N,)"""
     projected_gradient: np.ndarray
@@ -106,75 +153,86 @@ class BatchSolution:
     start_projected: np.ndarray
     """(N,) of bool"""
     backend: str
+    _robot: Robot | None = field(repr=False)
+
+    @cached_property
+    def condition_number(self) -> np.ndarray:
+        """(N,)"""
+        parts = [self._robot.jacobians(self.q[k : k + 4096]) for k in range(0, len(self), 4096)]  # type: ignore[union-attr]
+        return np.concatenate([np.empty(0), *map(condition_numbers, parts)])
+
+    @cached_property
+    def active_limits(self) -> list[list[str]]:
+        """N lists"""
+        robot: Robot = self._robot  # type: ignore[assignment]
+        on_a_limit = (self.q <= robot.lower + ACTIVE_WITHIN) | (self.q >= robot.upper - ACTIVE_WITHIN)
+        return [active_limits(robot, q) if on.any() else [] for q, on in zip(self.q, on_a_limit, strict=True)]
 
     @staticmethod
-    def of(n: int, backend: str, solutions: list[Solution]) -> BatchSolution:
-        """Stack solutions of a robot with n joints."""
-        columns = {f.name: [getattr(s, f.name) for s in solutions] for f in fields(Solution)}
-        types: dict[str, type] = dict.fromkeys(("success", "optimal", "start_projected"), bool)
-        types |= dict.fromkeys(("status", "iterations", "restarts"), np.int64)
-        arrays = {
-            key: np.array(column, dtype=types.get(key, float))
-            for key, column in columns.items()
-            if key not in ("active_limits", "backend")
-        }
-        arrays["q"] = arrays["q"].reshape(-1, n)
-        return BatchSolution(**arrays, active_limits=columns["active_limits"], backend=backend)
+    def of(robot: Robot, backend: str, solutions: list[Solution]) -> BatchSolution:
+        """Stack solutions of a robot."""
+        batch = BatchSolution.blank(robot, backend, len(solutions))
+        for i, solution in enumerate(solutions):
+            batch.put(i, solution)
+        return batch
 
     @staticmethod
-    def of_search(
-        robot: Robot, q: np.ndarray, outcome: np.ndarray, J: np.ndarray, start_projected: np.ndarray
-    ) -> BatchSolution:
-        """From the compiled search: q (N, n), outcomes (N, 6), Jacobians (N, 6, n). What it did not reach is spent."""
-        reached, nan = outcome[:, 0] > 0, np.full(len(q), np.nan)
-        on_a_limit = (q <= robot.lower + ACTIVE_WITHIN) | (q >= robot.upper - ACTIVE_WITHIN)
+    def blank(robot: Robot, backend: str, count: int) -> BatchSolution:
+        """So many answers yet to be written: budget spent."""
         return BatchSolution(
-            q=q,
-            success=reached,
-            status=np.where(reached, Status.CONVERGED, Status.BUDGET_SPENT).astype(np.int64),
-            position_error=outcome[:, 4].copy(),
-            orientation_error=outcome[:, 5].copy(),
-            iterations=outcome[:, 2].astype(np.int64),
-            restarts=outcome[:, 1].astype(np.int64),
-            condition_number=condition_numbers(J),
-            active_limits=[
-                active_limits(robot, each) if on.any() else [] for each, on in zip(q, on_a_limit, strict=True)
-            ],
-            cost=nan,
-            projected_gradient=nan.copy(),
-            optimal=reached.copy(),
-            start_projected=start_projected,
-            backend="compiled",
+            q=np.zeros((count, robot.n)),
+            success=np.zeros(count, dtype=bool),
+            status=np.full(count, int(Status.BUDGET_SPENT)),
+            position_error=np.full(count, np.nan),
+            orientation_error=np.full(count, np.nan),
+            iterations=np.zeros(count, dtype=np.int64),
+            restarts=np.zeros(count, dtype=np.int64),
+            cost=np.full(count, np.nan),
+            projected_gradient=np.full(count, np.nan),
+            optimal=np.zeros(count, dtype=bool),
+            start_projected=np.zeros(count, dtype=bool),
+            backend=backend,
+            _robot=robot,
         )
 
     def put(self, i: int, solution: Solution) -> None:
         """Make this the i-th answer."""
-        for f in fields(Solution):
-            if f.name != "backend":
-                getattr(self, f.name)[i] = getattr(solution, f.name)
+        for name in _VALUES:
+            if name != "backend":
+                getattr(self, name)[i] = getattr(solution, name)
+
+    def put_search(self, q: np.ndarray, outcome: np.ndarray) -> None:
+        """Make these the answers: what the compiled search left in q (N, n) and outcome (N, 6)."""
+        reached = outcome[:, 0] > 0
+        self.q[:] = q
+        self.success[:] = self.optimal[:] = reached
+        self.status[reached] = Status.CONVERGED
+        self.position_error[:], self.orientation_error[:] = outcome[:, 4], outcome[:, 5]
+        self.iterations[:], self.restarts[:] = outcome[:, 2], outcome[:, 1]
 
     def __len__(self) -> int:
         return len(self.q)
 
-    def __getitem__(self, i: int) -> Solution:
-        """The i-th answer (copies)."""
+    @overload
+    def __getitem__(self, i: int) -> Solution: ...
+
+    @overload
+    def __getitem__(self, i: slice) -> BatchSolution: ...
+
+    def __getitem__(self, i: int | slice) -> Solution | BatchSolution:
+        """The i-th answer, or some of them (copies)."""
+        if isinstance(i, slice):
+            arrays = {name: getattr(self, name)[i].copy() for name in _VALUES if name != "backend"}
+            return BatchSolution(**arrays, backend=self.backend, _robot=self._robot)
         if not -len(self) <= i < len(self):
             raise IndexError(f"target {i} of a batch of {len(self)}")
+        values = {name: getattr(self, name)[i] for name in _VALUES if name not in ("q", "status", "backend")}
         return Solution(
             q=self.q[i].copy(),
-            success=bool(self.success[i]),
             status=Status(int(self.status[i])),
-            position_error=float(self.position_error[i]),
-            orientation_error=float(self.orientation_error[i]),
-            iterations=int(self.iterations[i]),
-            restarts=int(self.restarts[i]),
-            condition_number=float(self.condition_number[i]),
-            active_limits=list(self.active_limits[i]),
-            cost=float(self.cost[i]),
-            projected_gradient=float(self.projected_gradient[i]),
-            optimal=bool(self.optimal[i]),
-            start_projected=bool(self.start_projected[i]),
+            **{name: value.item() for name, value in values.items()},
             backend=self.backend,
+            _robot=self._robot,
         )
 
     def __iter__(self) -> Iterator[Solution]:

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from maira_qp.arrays import real_array
 from maira_qp.errors import BackendError, ConfigurationError, OptionError, PoseError, listed
-from maira_qp.orientation import rigid_batch
+from maira_qp.orientation import rigid
 from maira_qp.problem.backends import Backend, available
 from maira_qp.problem.costs import TaskCost, tasks_toward
 from maira_qp.problem.limits import Limit, LinearLimit, PositionLimit, VelocityLimit
@@ -25,13 +25,13 @@ from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks import FrameTask, PoseTask
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
-from maira_qp.solvers.descent import Budget
+from maira_qp.solvers.descent import Budget, Descent
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.search import Search, nearest, search, stationarity
 from maira_qp.solvers.setting import Setting
 from maira_qp.solvers.settling import settle
-from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, active_limits
-from maira_qp.solvers.targets import row_of, stream_of
+from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, active_limits, solution_of
+from maira_qp.solvers.targets import pose_of, row_of, rows_of, seed_words, streams
 from maira_qp.solvers.tick import tick
 
 if TYPE_CHECKING:
@@ -41,6 +41,8 @@ FARTHEST = 1e9
 """Targets farther away than this many lengths of the arm are a mistake, and beyond the numbers."""
 
 Rng = np.random.Generator | int | None
+
+SEED_0 = seed_words(0)
 
 
 class Solver:
@@ -126,58 +128,97 @@ class Solver:
 
         Args:
             target: `pin.SE3` or (4, 4), T_base_tool [m].
-            q0: start (n,) [rad or m]; None: a random one. A start outside the limits is moved onto them.
-            rng: generator or seed of the random starts; None: seed 0, so that the same call gives the same answer.
+            q0: start (n,) [rad or m]; None: the nearest of a few hundred known configurations. A start outside the
+                limits is moved onto them.
+            rng: generator or seed of what is random about the starts; None: seed 0, so that the same call gives the
+                same answer. Other seeds begin elsewhere, and may find another of the configurations that reach the target.
             observe: called with each configuration (n,) on the way, starts included, for pictures of the iteration;
                 with it, nothing runs in compiled code.
 
         Raises `PoseError`, `ConfigurationError`, `OptionError` for what cannot be meant; the rest is a `Status`.
         """
-        pose = self._target(target)
         start = None if q0 is None else real_array(q0, (self.robot.n,), "q0", ConfigurationError)
-        seed = rng.integers(2**63) if isinstance(rng, np.random.Generator) else 0 if rng is None else rng
-        return self._solve(pose, start, _seed(seed, "rng"), observe)
+        seed = SEED_0 if rng is None else _seed_words(rng)
+        engine = self._compiled
+        if engine is None or observe is not None or self.options.deadline is not None or not engine.takes(start):
+            return self._solve(self._target(target), start, seed, observe)
+        T = target.homogeneous if isinstance(target, pin.SE3) else target
+        if not (type(T) is np.ndarray and T.dtype == np.float64 and T.shape == (4, 4) and T.flags.c_contiguous):
+            T = self._target(target).homogeneous
+        q_start = None if start is None else self.robot.clip(start)
+        fault, q, outcome = engine.search_one(T, q_start, seed)
+        if fault:
+            raise _pose_fault(T)
+        _check_distance(T[:3, 3], self.robot.length, "target")
+        moved = q_start is not None and bool((q_start != start).any())
+        if outcome[0] > 0.0 and self.redundancy is None:
+            return solution_of(
+                q=q,
+                success=True,
+                status=Status.CONVERGED,
+                position_error=outcome[4],
+                orientation_error=outcome[5],
+                iterations=int(outcome[2]),
+                restarts=int(outcome[1]),
+                cost=math.nan,
+                projected_gradient=math.nan,
+                optimal=True,
+                start_projected=moved,
+                backend="compiled",
+                _robot=self.robot,
+            )
+        return self._finish_compiled(q, outcome, as_pose(T), moved)
 
-    def solve_batch(self, targets: Any, q0: Any = None, seed: int = 0, *, threads: int | None = None) -> BatchSolution:
+    def solve_batch(
+        self,
+        targets: Any,
+        q0: Any = None,
+        seed: int = 0,
+        *,
+        threads: int | None = None,
+        progress: Callable[[int, int], object] | None = None,
+    ) -> BatchSolution:
         """`solve` for each of N targets: `batch[i].q` is that of `solve(targets[i], q0, rng=seed)`, to the bit.
 
         Each target has a random stream of its own, made from the seed and the target itself, so that no answer depends
-        on the order of the batch, on how it is split, or on the number of threads.
+        on the order of the batch, on how it is split, or on the number of threads. A target with NaN or inf in it is
+        not solved, and costs no other anything: its status is BUDGET_SPENT, its errors are NaN.
 
         Args:
             targets: (N, 4, 4), or a sequence of `pin.SE3` and (4, 4) arrays.
-            q0: a start (n,) for all, or (N, n) one each; None: random ones.
+            q0: a start (n,) for all, or (N, n) one each; None: as for `solve`.
             seed: non-negative integer.
             threads: how many threads the compiled engine may use; None: one a processor. No answer depends on it.
+            progress: called now and then, from this thread, with how many targets are done and how many there are.
 
         Raises `PoseError`, `ConfigurationError` or `OptionError`, naming the target, before anything is solved.
         """
-        T = _batch_of_targets(targets)
-        for i in np.flatnonzero(np.abs(T[:, :3, 3]).max(axis=1, initial=0.0) > FARTHEST * self.robot.length):
-            _check_distance(T[i, :3, 3], self.robot.length, f"target {i}")
-        starts = _starts(q0, len(T), self.robot.n)
-        seed = _seed(seed, "seed")
+        rows = rows_of(_batch_of_targets(targets))
+        for i in np.flatnonzero(np.abs(rows[:, 9:]).max(axis=1, initial=0.0) > FARTHEST * self.robot.length):
+            _check_distance(rows[i, 9:], self.robot.length, f"target {i}")
+        starts = _starts(q0, len(rows), self.robot.n)
+        words = _seed_words(seed)
         if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
             raise OptionError(f"threads must be a positive whole number, got {threads!r}")
-        poses = (pin.SE3(each[:3, :3], each[:3, 3]) for each in T)
-        if self._compiled is None or self.options.deadline is not None:
-            return BatchSolution.of(
-                self.robot.n,
-                self.backend,
-                [self._solve(pose, None if starts is None else starts[i], seed) for i, pose in enumerate(poses)],
-            )
+        batch = BatchSolution.blank(self.robot, self.backend, len(rows))
+        batch.q[:] = self.robot.middle
+        finite = np.isfinite(rows[:, 0])
+        engine = self._compiled
+        if engine is None or self.options.deadline is not None or not engine.takes(starts):
+            for i in np.flatnonzero(finite):
+                batch.put(i, self._solve(pose_of(rows[i]), None if starts is None else starts[i], words))
+                if progress is not None:
+                    progress(int(i) + 1, len(rows))
+            return batch
         admitted = None if starts is None else self.robot.clip_rows(starts)
-        rows = np.concatenate([T[:, :3, :3].reshape(-1, 9), T[:, :3, 3]], axis=1)
-        streams = np.array([stream_of(row, seed) for row in rows], dtype=np.uint64)
-        q, outcome = self._compiled.search_batch(rows, admitted, streams, threads)
-        moved = np.zeros(len(T), dtype=bool) if starts is None else (starts != admitted).any(axis=1)
-        batch = BatchSolution.of_search(self.robot, q, outcome, self._compiled.jacobians(q), moved)
-        for i, pose in enumerate(poses):
-            if self.redundancy is not None or not batch.success[i]:
-                found = self._compiled.found(q[i], outcome[i])
-                budget = Budget(None, iterations=int(outcome[i, 2]))
-                cost = tasks_toward(self.tasks, pose)
-                batch.put(i, self._finish(found, cost, self._reached(cost), budget, bool(moved[i])))
+        q, outcome = engine.search_batch(rows, admitted, streams(rows, words), bool(words.any()), threads, progress)
+        if starts is not None:
+            batch.start_projected[:] = (starts != admitted).any(axis=1)
+        batch.put_search(q, outcome)
+        left = finite if self.redundancy is not None else finite & ~batch.success
+        for i in np.flatnonzero(left):
+            moved = bool(batch.start_projected[i])
+            batch.put(i, self._finish_compiled(q[i], outcome[i].tolist(), pose_of(rows[i]), moved))
         return batch
 
     def step(self, q: Any, target: Any, dt: float) -> Step:
@@ -207,7 +248,7 @@ class Solver:
         self,
         target: pin.SE3,
         q0: np.ndarray | None,
-        seed: int,
+        seed: np.ndarray,
         observe: Callable[[np.ndarray], object] | None = None,
     ) -> Solution:
         """Search, then settle and judge."""
@@ -216,13 +257,21 @@ class Solver:
         reached = self._reached(cost)
         start = None if q0 is None else self._setting.admitted(q0)
         row = row_of(target)
-        stream = stream_of(row, seed)
-        if self._compiled is not None and observe is None:
-            found = self._compiled.search(row, start, stream, budget)
+        stream = streams(row[None], seed)
+        engine = self._compiled
+        if engine is not None and observe is None and engine.takes(start):
+            found = engine.search(row, start, stream, bool(seed.any()), budget)
         else:
-            found = search(cost, start, self._setting, budget, lambda: np.random.default_rng(stream), reached)
+            found = search(cost, start, self._setting, budget, lambda: np.random.default_rng(int(stream[0])), reached)
         moved = bool(start is not None and (start != q0).any())
         return self._finish(found, cost, reached, budget, moved)
+
+    def _finish_compiled(self, q: np.ndarray, outcome: list[float], target: pin.SE3, moved: bool) -> Solution:
+        """From what the compiled search left in q (n,) and outcome (6,)."""
+        cost = tasks_toward(self.tasks, target)
+        found = Search(Descent(self.robot.at(q), outcome[3], outcome[0] > 0.0), int(outcome[1]))
+        budget = Budget(None, iterations=int(outcome[2]))
+        return self._finish(found, cost, self._reached(cost), budget, moved)
 
     def _reached(self, cost: TaskCost) -> Callable[[Configuration], bool]:
         options = self.options
@@ -263,13 +312,12 @@ class Solver:
             orientation_error=orientation,
             iterations=budget.iterations,
             restarts=found.restarts,
-            condition_number=self.robot.condition_number(fresh.q),
-            active_limits=active_limits(self.robot, fresh.q),
             cost=self._objective_cost(fresh),
             projected_gradient=gradient,
             optimal=optimal,
             start_projected=start_projected,
             backend=self.backend,
+            _robot=self.robot,
         )
 
     def _objective_cost(self, at: Configuration) -> float:
@@ -290,6 +338,15 @@ def _residual(cost: TaskCost, at: Configuration) -> tuple[float, float]:
     return max(r[0] for r in residuals), max(r[1] for r in residuals)
 
 
+def _pose_fault(T: np.ndarray) -> PoseError:
+    """What is wrong with a target (4, 4) that the kernels refused."""
+    try:
+        as_pose(T)
+    except PoseError as fault:
+        return fault
+    return PoseError(f"the target is not a rigid transformation: {T.tolist()}")
+
+
 def _check_type(value: Any, types: Any, name: str, example: str) -> None:
     if not isinstance(value, types):
         raise OptionError(f"{name} must be something like {example}, got {value!r:.80}")
@@ -304,10 +361,13 @@ def _compiled(backend: object, possible: Compiled | str) -> Compiled | None:
     return possible if backend in (None, "compiled") else None
 
 
-def _seed(value: Any, name: str) -> int:
+def _seed_words(value: Any) -> np.ndarray:
+    """A seed or a generator as two words (2,). Raises `OptionError`."""
+    if isinstance(value, np.random.Generator):
+        value = value.integers(2**63)
     if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 0:
-        raise OptionError(f"{name} must be a non-negative integer (or, for rng, a Generator), got {value!r:.80}")
-    return int(value)
+        raise OptionError(f"a seed must be a non-negative integer (or, for rng, a Generator), got {value!r:.80}")
+    return seed_words(int(value))
 
 
 def _batch_of_targets(targets: Any) -> np.ndarray:
@@ -316,7 +376,12 @@ def _batch_of_targets(targets: Any) -> np.ndarray:
         raise PoseError("targets must be a sequence of poses, (N, 4, 4); for one target use solve")
     if not isinstance(targets, np.ndarray):
         targets = [each.homogeneous if isinstance(each, pin.SE3) else each for each in targets]
-    return rigid_batch(targets, "target") if len(targets) else np.empty((0, 4, 4))
+    if not len(targets):
+        return np.empty((0, 4, 4))
+    try:
+        return real_array(targets, (None, 4, 4), "targets", PoseError, finite=None)
+    except PoseError:
+        return np.array([rigid(each, f"target {i}") for i, each in enumerate(targets)]).reshape(-1, 4, 4)
 
 
 def _starts(q0: Any, count: int, n: int) -> np.ndarray | None:

@@ -55,7 +55,8 @@ class Solve:
     threads: int | None = None
     """Threads that solve --batch; >= 1; none: one a processor. No answer depends on it."""
     q0: JointValues = None
-    """Joint values to start from [rad, or deg with --deg; m for a sliding joint]; none: random, or those of --batch."""
+    """Joint values to start from [rad, or deg with --deg; m for a sliding joint]; none: those of --batch, or the
+    solver's own."""
     redundancy: Literal["none", "weighted", "strict"] = "none"
     """Joints near mid-range: no wish (none), traded for the pose at --weight, or as far as the pose allows (strict)."""
     weight: float | None = None

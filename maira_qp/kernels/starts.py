@@ -1,0 +1,99 @@
+"""Where descents begin: at the configurations of a library that are nearest to the target, and at random ones.
+
+The library holds configurations of the robot with their tool poses, in `LANES` lists of the same length. The pose of
+each list that is nearest to the target, in the metric of the pose cost, gives a start, the nearest of them the first; a
+pass over a few hundred poses costs less than one iteration. After them a start is the best by its cost of a few random
+configurations.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import uint64
+
+from maira_qp.kernels.chain import START_LOWER, START_UPPER, forward
+from maira_qp.kernels.compilation import bare_kernel, kernel
+from maira_qp.kernels.descent import ORIENTATION_WEIGHT, POSITION_WEIGHT, pose_cost
+from maira_qp.kernels.lanes import LANES, full, load2, select, store
+from maira_qp.kernels.random_numbers import next_random
+
+FEATURES = 13
+"""Numbers kept of a pose: R and p, weighted so that half a squared distance is near the pose cost, and their square."""
+
+
+@kernel
+def fill_library(chain, settings, q, features):
+    """Features (K / LANES, FEATURES, LANES) of the tool poses at the configurations q (K, n)."""
+    n = q.shape[1]
+    axes, origins, tool = np.empty((n, 3)), np.empty((n, 3)), np.empty(12)
+    for k in range(len(q)):
+        forward(chain, q[k], axes, origins, tool)
+        block, lane, square = k // LANES, k % LANES, 0.0
+        for i in range(12):
+            features[block, i, lane] = _feature(settings, tool, i)
+            square += features[block, i, lane] ** 2
+        features[block, 12, lane] = square
+
+
+@bare_kernel
+def _feature(settings, pose, i):
+    """Entry i of a pose, weighted: |R - R_d|^2 is twice the squared angle between the two where that is small."""
+    return pose[i] * (settings[ORIENTATION_WEIGHT] * np.sqrt(0.5) if i < 9 else settings[POSITION_WEIGHT])
+
+
+@bare_kernel
+def find_nearest(settings, features, target, work, nearest):
+    """Indices of the library's configurations to start from, into `nearest` (LANES,); `work` is (2, LANES)."""
+    t0, t1, t2 = _feature(settings, target, 0), _feature(settings, target, 1), _feature(settings, target, 2)
+    t3, t4, t5 = _feature(settings, target, 3), _feature(settings, target, 4), _feature(settings, target, 5)
+    t6, t7, t8 = _feature(settings, target, 6), _feature(settings, target, 7), _feature(settings, target, 8)
+    t9, t10, t11 = _feature(settings, target, 9), _feature(settings, target, 10), _feature(settings, target, 11)
+    least, block = full(work, np.inf), full(work, 0.0)
+    for k in range(len(features)):
+        # four sums, of which none waits for another, of the product of the two poses
+        a = load2(features, k, 0) * t0 + load2(features, k, 1) * t1 + load2(features, k, 2) * t2
+        b = load2(features, k, 3) * t3 + load2(features, k, 4) * t4 + load2(features, k, 5) * t5
+        c = load2(features, k, 6) * t6 + load2(features, k, 7) * t7 + load2(features, k, 8) * t8
+        d = load2(features, k, 9) * t9 + load2(features, k, 10) * t10 + load2(features, k, 11) * t11
+        distance = load2(features, k, 12) - 2.0 * ((a + b) + (c + d))  # squared, less the target's own square
+        nearer = distance < least
+        least, block = select(nearer, distance, least), select(nearer, 1.0 * k, block)
+    store(work, 0, least)
+    store(work, 1, block)
+    for lane in range(LANES):  # sorted by insertion
+        place = lane
+        while place > 0 and work[0, lane] < work[0, nearest[place - 1] % LANES]:
+            nearest[place] = nearest[place - 1]
+            place -= 1
+        nearest[place] = int(work[1, lane]) * LANES + lane
+
+
+@bare_kernel
+def state_of(stream, attempt):
+    """The first state of the random numbers of one attempt at a target with this stream."""
+    bits, _ = next_random(uint64(stream))
+    bits, _ = next_random(uint64(bits ^ uint64(attempt)))
+    return bits
+
+
+@bare_kernel
+def random_start(chain, settings, target, candidates, state, work, best):
+    """The best by cost of a few random configurations, into `best` (n,); `work` is a set of lanes to work in."""
+    n, least = len(best), np.inf
+    for i in range(12):
+        for lane in range(LANES):
+            work.target[i, lane] = target[i]
+    for first in range(0, candidates, LANES):
+        for lane in range(LANES):
+            for i in range(n):
+                bits, state = next_random(state)
+                share = (bits >> uint64(11)) * (1.0 / 9007199254740992.0)
+                low, high = chain[i, START_LOWER], chain[i, START_UPPER]
+                work.q[i, lane] = min(max((1.0 - share) * low + share * high, low), high)
+        cost = pose_cost(chain, settings, work.target, work.q, work.axes, work.origins, work.tool, work.e)
+        store(work.trial, 0, cost)
+        for lane in range(min(LANES, candidates - first)):
+            if work.trial[0, lane] < least or (first == 0 and lane == 0):
+                least = work.trial[0, lane]
+                for i in range(n):
+                    best[i] = work.q[i, lane]
