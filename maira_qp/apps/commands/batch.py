@@ -123,7 +123,8 @@ def _show(summary: dict[str, Any]) -> None:
     if summary["worst_position_error"] is not None:
         table.add_row("worst position error [m]", f"{summary['worst_position_error']:.3g}")
         table.add_row("worst orientation error [rad]", f"{summary['worst_orientation_error']:.3g}")
-    table.add_row("time", f"{summary['seconds']:.3g} s, {summary['poses_per_second']:.0f} poses a second")
+    rate = summary["poses_per_second"]
+    table.add_row("time", f"{summary['seconds']:.3g} s, {rate:{',.0f' if rate >= 10 else '.2g'}} poses a second")
     table.add_row("QPs solved by", summary["backend"])
     table.add_row("answers", summary["output"])
     out.print(table)
