@@ -162,24 +162,3 @@ def rigid(matrix: Any, name: str, *, project: bool = False) -> np.ndarray:
         raise PoseError(f"the last row of the {name} must be [0, 0, 0, 1], got {T[3].tolist()}")
     T[:3, :3] = exact_rotation(T[:3, :3], name, project=project)
     return T
-
-
-def rigid_batch(matrices: Any, name: str) -> np.ndarray:
-    """N homogeneous transformations (N, 4, 4) from a caller, as by `rigid`. Raises `PoseError`, naming the bad one."""
-    try:
-        T = real_array(matrices, (None, 4, 4), name, PoseError, finite=False)
-    except PoseError:
-        each = [rigid(matrix, f"{name} {i}") for i, matrix in enumerate(matrices)]
-        return np.array(each).reshape(-1, 4, 4)
-    R = T[:, :3, :3]
-    with np.errstate(invalid="ignore", over="ignore"):
-        deviation = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0)
-        fine = (deviation <= ORTHONORMAL_WITHIN) & np.isfinite(T).all(axis=(1, 2)) & (np.linalg.det(R) > 0)
-        fine &= (T[:, 3] == (0.0, 0.0, 0.0, 1.0)).all(axis=1)
-    for i in np.flatnonzero(~fine):
-        rigid(T[i], f"{name} {i}")
-    rounded = deviation > 1e-14
-    if rounded.any():
-        U, _, Vt = np.linalg.svd(R[rounded])
-        T[rounded, :3, :3] = U @ Vt
-    return T

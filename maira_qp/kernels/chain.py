@@ -2,7 +2,8 @@
 
 A chain of n joints is one array (n + 1, 17): row i holds the fixed placement of joint i in the frame before it, R by
 rows [0:9] and p [9:12], then 1 for a prismatic and 0 for a revolute joint [12], its limits [13], [14], and the range
-that random configurations are drawn from [15], [16]; the last row holds the placement of the tool behind the last joint.
+that random configurations are drawn from [15], [16]; the last row holds the placement of the tool behind the last
+joint.
 
 The other arrays are of one configuration, or, with a last axis of `LANES`, of eight: see `lanes`.
 """

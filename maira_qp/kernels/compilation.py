@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
-from numba import njit
+import numpy as np
+from numba import config, njit
 
 
 def kernel(function: Callable) -> Any:
@@ -22,8 +24,21 @@ def bare_kernel(function: Callable) -> Any:
 
 
 def _compiled(function: Callable, **options: Any) -> Any:
+    if config.DISABLE_JIT:
+        return _silent(function)
     options |= {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
     try:
         return njit(cache=True, **options)(function)
     except RuntimeError:  # no folder for the cache: a read-only package and no home
         return njit(**options)(function)
+
+
+def _silent(function: Callable) -> Callable:
+    """The plain function, whose arithmetic warns as little as compiled code does."""
+
+    @wraps(function)
+    def silent(*arguments: Any) -> Any:
+        with np.errstate(all="ignore"):
+            return function(*arguments)
+
+    return silent

@@ -240,13 +240,13 @@ def _store2(typingctx, a, i, j, value):
 @_compiled_by(_load1)
 def load(a, i):
     """Entry i of an array: a float, or the eight of its last axis."""
-    return np.array(a[i]) if np.ndim(a) == 2 else float(a[i])
+    return a[i].copy()
 
 
 @_compiled_by(_load2)
 def load2(a, i, j):
     """Entry (i, j) of an array: a float, or the eight of its last axis."""
-    return np.array(a[i, j]) if np.ndim(a) == 3 else float(a[i, j])
+    return a[i, j].copy()
 
 
 @_compiled_by(_store1)

@@ -31,13 +31,16 @@ from maira_qp.kernels.descent import (
 from maira_qp.kernels.lanes import LANES, any_lane, load
 from maira_qp.kernels.random_numbers import stream_of
 from maira_qp.kernels.rigid import FINE, pose_row
-from maira_qp.kernels.starts import find_nearest, random_start, state_of
+from maira_qp.kernels.starts import CORNER, find_nearest, random_start, state_of
 
 NOBODY = -1
 
+FARTHEST_START, FAR_START = 1e5, -1
+"""Joint values [rad or m] beyond the first the kernels do not begin at: their sine loses digits; or NaN."""
+
 # the entries of an outcome
-SUCCESS, ATTEMPT, SPENT, FINAL_COST, POSITION_ERROR, ORIENTATION_ERROR = 0, 1, 2, 3, 4, 5
-OUTCOME = 6
+SUCCESS, ATTEMPT, SPENT, FINAL_COST, POSITION_ERROR, ORIENTATION_ERROR, MOVED = 0, 1, 2, 3, 4, 5, 6
+OUTCOME = 7
 
 # the columns of `slots`, the targets that are open, eight at most: its number (`NOBODY`: the slot is free), the attempt
 # that comes next, how many are under way, the first that arrived (past the last: none), the one that `found` is from
@@ -74,9 +77,10 @@ def search(
     """The first of the attempts first, ..., last to arrive at each of `targets` (N, 12), else the best: q (N, n).
 
     Attempt 0 begins at `starts` (N, n), which may have no rows; the next `LANES` at configurations of the `library`
-    (K, n), the nearest one first, or, if `shuffled`, any of them; the others at the best of so many random `candidates`.
-    What is random comes from `streams` (N,). `outcome` (N, 6) becomes [reached, last attempt that counts, iterations,
-    cost, position error, orientation error]. `floats` and `integers` are memory to work in, see `memory_sizes`.
+    (K, n), the nearest one first, or, if `shuffled`, any of them; the others at the best of so many random
+    `candidates`. What is random comes from `streams` (N,). `outcome` (N, 7) becomes [reached, last attempt that counts,
+    iterations, cost, position error, orientation error, the start was outside the limits and was moved onto them].
+    `floats` and `integers` are memory to work in, see `memory_sizes`.
     A target with NaN costs only itself: it is left at q = 0, or as near as the limits allow, with errors of NaN.
     """
     n, attempts = len(chain) - 1, last - first + 1
@@ -97,7 +101,7 @@ def search(
     while True:
         if any_lane(load(lanes.state, ENDED) > 0.0):
             _collect(lanes.state, lanes.q, lane_of, slots, found, spent, first, last)
-            _close(settings, slots, found, spent, first, last, q, outcome)
+            _close(chain, settings, starts, slots, found, spent, first, last, q, outcome)
             busy = False
             for lane in range(LANES):
                 if lane_of[lane, SERVES] == NOBODY:
@@ -113,13 +117,16 @@ def search(
                         k, attempt = slots[slot, TARGET], slots[slot, FOLLOWING]
                         place = attempt - (len(starts) > 0)
                         if place < 0:
-                            _copy(starts, k, q0)
+                            for i in range(n):
+                                q0[i] = min(max(starts[k, i], chain[i, LOWER]), chain[i, UPPER])
                         elif place < LANES:
                             turn = streams[k] >> np.uint64(32) if shuffled else np.uint64(0)
                             _copy(library, nearest[slot, (place + np.int64(turn)) % LANES], q0)
                         else:
                             state = state_of(streams[k], attempt)
-                            random_start(chain, settings, targets[k], candidates, state, work, q0)
+                            random_start(
+                                chain, settings, targets[k], candidates, attempt % CORNER == 1, state, work, q0
+                            )
                         begin(lanes.state, lanes.q, lanes.target, lane, q0, targets[k])
                         lane_of[lane, SERVES], lane_of[lane, MAKES] = slot, attempt
                         slots[slot, FOLLOWING] += 1
@@ -167,7 +174,7 @@ def _collect(state, lane_q, lane_of, slots, found, spent, first, last):
 
 
 @bare_kernel
-def _close(settings, slots, found, spent, first, last, q, outcome):
+def _close(chain, settings, starts, slots, found, spent, first, last, q, outcome):
     """Write down what became of the targets that are done, and free their slots."""
     for slot in range(LANES):
         k, winner = slots[slot, TARGET], slots[slot, WINNER]
@@ -181,6 +188,7 @@ def _close(settings, slots, found, spent, first, last, q, outcome):
             q[k, i] = found[slot, 3 + i]
         outcome[k, SUCCESS], outcome[k, ATTEMPT], outcome[k, SPENT] = winner <= last, min(winner, last), iterations
         outcome[k, FINAL_COST] = found[slot, 0]
+        outcome[k, MOVED] = len(starts) > 0 and _is_outside(chain, starts, k)
         outcome[k, POSITION_ERROR] = np.sqrt(found[slot, 1]) if settings[POSITION_WEIGHT] > 0.0 else 0.0
         outcome[k, ORIENTATION_ERROR] = np.sqrt(found[slot, 2]) if settings[ORIENTATION_WEIGHT] > 0.0 else 0.0
 
@@ -224,16 +232,28 @@ def _refuse(chain, k, q, outcome):
         q[k, i] = min(max(0.0, chain[i, LOWER]), chain[i, UPPER])
     outcome[k, SUCCESS], outcome[k, ATTEMPT], outcome[k, SPENT] = 0.0, 0.0, 0.0
     outcome[k, FINAL_COST], outcome[k, POSITION_ERROR], outcome[k, ORIENTATION_ERROR] = np.nan, np.nan, np.nan
+    outcome[k, MOVED] = 0.0
+
+
+@bare_kernel
+def _is_outside(chain, rows, k):
+    outside = False
+    for i in range(rows.shape[1]):
+        outside = outside or rows[k, i] < chain[i, LOWER] or rows[k, i] > chain[i, UPPER]
+    return outside
 
 
 @bare_kernel
 def search_one(chain, settings, library, features, candidates, T, within, q0, seed, last, floats, integers, q, outcome):
-    """`search` for one target T (4, 4), from q0 (1, n) or (0, n), under a seed (2,): q (1, n) and outcome (1, 6).
+    """`search` for one target T (4, 4), from q0 (n,) or (0,), under a seed (2,): q (1, n) and outcome (1, 7).
 
-    Returns what is wrong with the target, see `rigid`; then nothing is searched.
+    Returns what is wrong with the target, see `rigid`, or `FAR_START`; then nothing is searched.
     """
     row, streams = floats[:12], integers[:1].view(np.uint64)
     fault = pose_row(T, within, row)
+    for i in range(len(q0)):
+        if not abs(q0[i]) <= FARTHEST_START:
+            fault = FAR_START
     if fault == FINE:
         streams[0] = stream_of(row, seed)
         search(
@@ -244,7 +264,7 @@ def search_one(chain, settings, library, features, candidates, T, within, q0, se
             candidates,
             seed[0] != 0 or seed[1] != 0,
             row.reshape(1, 12),
-            q0,
+            q0.reshape(len(q0) // (len(chain) - 1), len(chain) - 1),
             streams,
             0,
             last,

@@ -3,7 +3,7 @@
 The library holds configurations of the robot with their tool poses, in `LANES` lists of the same length. The pose of
 each list that is nearest to the target, in the metric of the pose cost, gives a start, the nearest of them the first; a
 pass over a few hundred poses costs less than one iteration. After them a start is the best by its cost of a few random
-configurations.
+configurations; every `CORNER`th time, of a few with every joint on a limit, near which targets are the hardest to find.
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ from maira_qp.kernels.compilation import bare_kernel, kernel
 from maira_qp.kernels.descent import ORIENTATION_WEIGHT, POSITION_WEIGHT, pose_cost
 from maira_qp.kernels.lanes import LANES, full, load2, select, store
 from maira_qp.kernels.random_numbers import next_random
+
+CORNER = 4
+"""One random start in so many is a corner of the limits."""
 
 FEATURES = 13
 """Numbers kept of a pose: R and p, weighted so that half a squared distance is near the pose cost, and their square."""
@@ -77,8 +80,11 @@ def state_of(stream, attempt):
 
 
 @bare_kernel
-def random_start(chain, settings, target, candidates, state, work, best):
-    """The best by cost of a few random configurations, into `best` (n,); `work` is a set of lanes to work in."""
+def random_start(chain, settings, target, candidates, at_corner, state, work, best):
+    """The best by cost of a few random configurations, into `best` (n,), or of a few with every joint on a limit.
+
+    `work` is a set of lanes to work in.
+    """
     n, least = len(best), np.inf
     for i in range(12):
         for lane in range(LANES):
@@ -88,6 +94,8 @@ def random_start(chain, settings, target, candidates, state, work, best):
             for i in range(n):
                 bits, state = next_random(state)
                 share = (bits >> uint64(11)) * (1.0 / 9007199254740992.0)
+                if at_corner:
+                    share = np.floor(share + 0.5)
                 low, high = chain[i, START_LOWER], chain[i, START_UPPER]
                 work.q[i, lane] = min(max((1.0 - share) * low + share * high, low), high)
         cost = pose_cost(chain, settings, work.target, work.q, work.axes, work.origins, work.tool, work.e)

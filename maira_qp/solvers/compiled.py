@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from maira_qp.kernels.lanes import LANES
-from maira_qp.kernels.search import OUTCOME, memory_sizes, search, search_one
+from maira_qp.kernels.search import FARTHEST_START, OUTCOME, memory_sizes, search, search_one
 from maira_qp.kernels.starts import FEATURES, fill_library
 from maira_qp.orientation import ORTHONORMAL_WITHIN
 from maira_qp.problem.tasks import FrameTask
@@ -28,11 +28,10 @@ from maira_qp.solvers.search import Search
 CHUNK = 256
 """Targets of a batch that a thread solves at a stretch: between two of them Ctrl-C is heard."""
 
-LIBRARY = 512
-"""Configurations to start from whose poses are known: a pass over them costs a fraction of an iteration."""
+LIBRARY, CORNERS = 512, 128
+"""Configurations to start from whose poses are known, and how many of them at most have every joint on a limit.
 
-FARTHEST_TURN = 1e5
-"""Angles [rad] beyond this the kernels' sine does not take."""
+A pass over them costs a fraction of an iteration. Targets near a corner of the limits are the hardest to find."""
 
 Progress = Callable[[int, int], object]
 
@@ -83,7 +82,7 @@ class Compiled:
                 descent.LEAST_DAMPING,
             ]
         )
-        chain, library = chain_of(robot), _spread(robot, LIBRARY)
+        chain, library = chain_of(robot), _library(robot)
         features = np.empty((LIBRARY // LANES, FEATURES, LANES))
         fill_library(chain, settings, library, features)
         return Compiled(robot, chain, settings, library, features, options.start_candidates, options.max_restarts)
@@ -91,14 +90,15 @@ class Compiled:
     def __post_init__(self) -> None:
         floats, integers = memory_sizes(self.robot.n, self.last_attempt + 1)
         object.__setattr__(self, "_sizes", (int(floats), int(integers)))
-        object.__setattr__(self, "_no_start", np.empty((0, self.robot.n)))
+        object.__setattr__(self, "_no_start", np.empty(0))
+        object.__setattr__(self, "_no_starts", np.empty((0, self.robot.n)))
 
     def takes(self, starts: np.ndarray | None) -> bool:
         """Whether the kernels can begin there, at (n,) or (N, n): a continuous joint may have wound up too far."""
-        return starts is None or bool(np.abs(starts).max(initial=0.0) <= FARTHEST_TURN)
+        return starts is None or bool(np.abs(starts).max(initial=0.0) <= FARTHEST_START)
 
-    def search_one(self, T: np.ndarray, q0: np.ndarray | None, seed: np.ndarray) -> tuple[int, np.ndarray, list]:
-        """What is wrong with the target T (4, 4), if anything, see `kernels.rigid`; q (n,), outcome (6,)."""
+    def search_one(self, T: np.ndarray, q0: np.ndarray | None, seed: np.ndarray) -> tuple[int, np.ndarray, list[float]]:
+        """What is wrong, see `kernels.search.search_one`; q (n,), outcome (7,) for a target T (4, 4) from q0 (n,)."""
         q, outcome = np.empty((1, self.robot.n)), np.empty((1, OUTCOME))
         floats, integers = self._sizes
         fault = search_one(
@@ -109,7 +109,7 @@ class Compiled:
             self.candidates,
             T,
             ORTHONORMAL_WITHIN,
-            self._no_start if q0 is None else q0.reshape(1, -1),
+            self._no_start if q0 is None else q0,
             seed,
             self.last_attempt,
             np.empty(floats),
@@ -125,7 +125,7 @@ class Compiled:
         """The compiled form of `search.search` for a target (12,). With a deadline it looks up between attempts."""
         first, stride = 0, 0 if budget.has_deadline else self.last_attempt
         best: Descent | None = None
-        starts = self._no_start if q0 is None else q0.reshape(1, -1)
+        starts = self._no_starts if q0 is None else q0.reshape(1, -1)
         while True:
             last = min(first + stride, self.last_attempt)
             q, outcome = np.empty((1, self.robot.n)), np.empty((1, OUTCOME))
@@ -139,7 +139,7 @@ class Compiled:
             first = last + 1
 
     def found(self, q: np.ndarray, outcome: Sequence[float]) -> Search:
-        """What a kernel left in q (n,) and outcome (6,)."""
+        """What a kernel left in q (n,) and outcome (7,)."""
         return Search(Descent(self.robot.at(q), float(outcome[3]), bool(outcome[0])), int(outcome[1]))
 
     def search_batch(
@@ -151,13 +151,13 @@ class Compiled:
         threads: int | None,
         progress: Progress | None,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """q (N, n), outcomes (N, 6) of `maira_qp.kernels.search`, of targets (N, 12) from starts (N, n) or None."""
+        """q (N, n), outcomes (N, 7) of `maira_qp.kernels.search`, of targets (N, 12) from starts (N, n) or None."""
         count = len(rows)
         q, outcome = np.empty((count, self.robot.n)), np.empty((count, OUTCOME))
 
         def run(first: int) -> int:
             part = slice(first, first + CHUNK)
-            begin = self._no_start if starts is None else starts[part]
+            begin = self._no_starts if starts is None else starts[part]
             self._search(rows[part], begin, streams[part], shuffled, 0, self.last_attempt, q[part], outcome[part])
             return min(first + CHUNK, count)
 
@@ -208,15 +208,23 @@ class Compiled:
         )
 
 
-def _spread(robot: Robot, count: int) -> np.ndarray:
-    """Configurations (count, n) that fill the limits evenly.
+def _library(robot: Robot) -> np.ndarray:
+    """Configurations (LIBRARY, n): corners of the limits, the others spread evenly."""
+    lower, upper = robot.drawn_range
+    all_of_them = 2**robot.n <= CORNERS
+    pick = np.arange(2**robot.n)[:, None] >> np.arange(robot.n) & 1 if all_of_them else _spread(CORNERS, robot.n) > 0.5
+    corners = np.where(pick, upper, lower)
+    share = _spread(LIBRARY - len(corners), robot.n)
+    return np.concatenate([corners, np.clip((1 - share) * lower + share * upper, lower, upper)])
+
+
+def _spread(count: int, n: int) -> np.ndarray:
+    """Points (count, n) that fill the unit cube evenly.
 
     Point k is the fractional part of k a, a the powers of the root of x^(n + 1) = x + 1 (Roberts, "The unreasonable
     effectiveness of quasirandom sequences", 2018).
     """
     root = 2.0
     for _ in range(60):
-        root = (1 + root) ** (1 / (robot.n + 1))
-    share = (0.5 + np.outer(np.arange(count), root ** -np.arange(1.0, robot.n + 1))) % 1
-    lower, upper = robot.drawn_range
-    return np.clip((1 - share) * lower + share * upper, lower, upper)
+        root = (1 + root) ** (1 / (n + 1))
+    return (0.5 + np.outer(np.arange(count), root ** -np.arange(1.0, n + 1))) % 1

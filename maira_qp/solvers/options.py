@@ -22,7 +22,7 @@ class Options:
     """Optimal only if no entry of the projected gradient is larger; > 0 [of the cost, per rad or m]."""
     max_iterations: int = 30
     """Iterations of one start, accepted or not; >= 1."""
-    max_restarts: int = 100
+    max_restarts: int = 300
     """Further starts after the first; >= 0."""
     max_settling: int = 50
     """Steps toward the optimum of the redundancy, or of an unreached pose, once no start is left to try; >= 0."""

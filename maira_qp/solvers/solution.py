@@ -166,7 +166,10 @@ class BatchSolution(_OfRobot):
         """N lists"""
         robot: Robot = self._robot  # type: ignore[assignment]
         on_a_limit = (self.q <= robot.lower + ACTIVE_WITHIN) | (self.q >= robot.upper - ACTIVE_WITHIN)
-        return [active_limits(robot, q) if on.any() else [] for q, on in zip(self.q, on_a_limit, strict=True)]
+        names: list[list[str]] = [[] for _ in range(len(self))]
+        for i in np.flatnonzero(on_a_limit.any(axis=1)):
+            names[i] = active_limits(robot, self.q[i])
+        return names
 
     @staticmethod
     def of(robot: Robot, backend: str, solutions: list[Solution]) -> BatchSolution:
@@ -202,13 +205,14 @@ class BatchSolution(_OfRobot):
                 getattr(self, name)[i] = getattr(solution, name)
 
     def put_search(self, q: np.ndarray, outcome: np.ndarray) -> None:
-        """Make these the answers: what the compiled search left in q (N, n) and outcome (N, 6)."""
+        """Make these the answers: what the compiled search left in q (N, n) and outcome (N, 7)."""
         reached = outcome[:, 0] > 0
         self.q[:] = q
         self.success[:] = self.optimal[:] = reached
         self.status[reached] = Status.CONVERGED
         self.position_error[:], self.orientation_error[:] = outcome[:, 4], outcome[:, 5]
         self.iterations[:], self.restarts[:] = outcome[:, 2], outcome[:, 1]
+        self.start_projected[:] = outcome[:, 6] > 0
 
     def __len__(self) -> int:
         return len(self.q)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.arrays import real_array
+from maira_qp.arrays import as_native, real_array
 from maira_qp.errors import BackendError, ConfigurationError, OptionError, PoseError, listed
 from maira_qp.orientation import rigid
 from maira_qp.problem.backends import Backend, available
@@ -131,26 +131,22 @@ class Solver:
             q0: start (n,) [rad or m]; None: the nearest of a few hundred known configurations. A start outside the
                 limits is moved onto them.
             rng: generator or seed of what is random about the starts; None: seed 0, so that the same call gives the
-                same answer. Other seeds begin elsewhere, and may find another of the configurations that reach the target.
+                same answer. Other seeds begin elsewhere, and may find another configuration that reaches the target.
             observe: called with each configuration (n,) on the way, starts included, for pictures of the iteration;
                 with it, nothing runs in compiled code.
 
         Raises `PoseError`, `ConfigurationError`, `OptionError` for what cannot be meant; the rest is a `Status`.
         """
-        start = None if q0 is None else real_array(q0, (self.robot.n,), "q0", ConfigurationError)
         seed = SEED_0 if rng is None else _seed_words(rng)
+        start = None if q0 is None else as_native(q0, (self.robot.n,), "q0", ConfigurationError)
         engine = self._compiled
-        if engine is None or observe is not None or self.options.deadline is not None or not engine.takes(start):
-            return self._solve(self._target(target), start, seed, observe)
-        T = target.homogeneous if isinstance(target, pin.SE3) else target
-        if not (type(T) is np.ndarray and T.dtype == np.float64 and T.shape == (4, 4) and T.flags.c_contiguous):
-            T = self._target(target).homogeneous
-        q_start = None if start is None else self.robot.clip(start)
-        fault, q, outcome = engine.search_one(T, q_start, seed)
-        if fault:
-            raise _pose_fault(T)
-        _check_distance(T[:3, 3], self.robot.length, "target")
-        moved = q_start is not None and bool((q_start != start).any())
+        if engine is None or observe is not None or self.options.deadline is not None:
+            return self._solve(self._target(target), self._start(start), seed, observe)
+        matrix = target.homogeneous if isinstance(target, pin.SE3) else target
+        T = as_native(matrix, (4, 4), "target", PoseError)
+        fault, q, outcome = engine.search_one(T, start, seed)
+        if fault:  # said in words, or for the general engine
+            return self._solve(self._target(target), self._start(start), seed)
         if outcome[0] > 0.0 and self.redundancy is None:
             return solution_of(
                 q=q,
@@ -163,11 +159,11 @@ class Solver:
                 cost=math.nan,
                 projected_gradient=math.nan,
                 optimal=True,
-                start_projected=moved,
+                start_projected=outcome[6] > 0.0,
                 backend="compiled",
                 _robot=self.robot,
             )
-        return self._finish_compiled(q, outcome, as_pose(T), moved)
+        return self._finish_compiled(q, outcome, self._target(target))
 
     def solve_batch(
         self,
@@ -205,20 +201,16 @@ class Solver:
         finite = np.isfinite(rows[:, 0])
         engine = self._compiled
         if engine is None or self.options.deadline is not None or not engine.takes(starts):
-            for i in np.flatnonzero(finite):
+            for i in map(int, np.flatnonzero(finite)):
                 batch.put(i, self._solve(pose_of(rows[i]), None if starts is None else starts[i], words))
                 if progress is not None:
-                    progress(int(i) + 1, len(rows))
+                    progress(i + 1, len(rows))
             return batch
-        admitted = None if starts is None else self.robot.clip_rows(starts)
-        q, outcome = engine.search_batch(rows, admitted, streams(rows, words), bool(words.any()), threads, progress)
-        if starts is not None:
-            batch.start_projected[:] = (starts != admitted).any(axis=1)
+        q, outcome = engine.search_batch(rows, starts, streams(rows, words), bool(words.any()), threads, progress)
         batch.put_search(q, outcome)
         left = finite if self.redundancy is not None else finite & ~batch.success
-        for i in np.flatnonzero(left):
-            moved = bool(batch.start_projected[i])
-            batch.put(i, self._finish_compiled(q[i], outcome[i].tolist(), pose_of(rows[i]), moved))
+        for i in map(int, np.flatnonzero(left)):
+            batch.put(i, self._finish_compiled(q[i], outcome[i].tolist(), pose_of(rows[i])))
         return batch
 
     def step(self, q: Any, target: Any, dt: float) -> Step:
@@ -236,6 +228,9 @@ class Solver:
         q_next, velocity = tick(cost, self.redundancy, at, self._setting, float(dt))
         position, orientation = _residual(cost, self.robot.at(q_next))
         return Step(velocity, q_next, position, orientation, active_limits(self.robot, q_next))
+
+    def _start(self, q0: np.ndarray | None) -> np.ndarray | None:
+        return None if q0 is None else real_array(q0, (self.robot.n,), "q0", ConfigurationError)
 
     def _target(self, target: Any) -> pin.SE3:
         if isinstance(target, Mapping):
@@ -266,12 +261,12 @@ class Solver:
         moved = bool(start is not None and (start != q0).any())
         return self._finish(found, cost, reached, budget, moved)
 
-    def _finish_compiled(self, q: np.ndarray, outcome: list[float], target: pin.SE3, moved: bool) -> Solution:
-        """From what the compiled search left in q (n,) and outcome (6,)."""
+    def _finish_compiled(self, q: np.ndarray, outcome: list[float], target: pin.SE3) -> Solution:
+        """From what the compiled search left in q (n,) and outcome (7,)."""
         cost = tasks_toward(self.tasks, target)
         found = Search(Descent(self.robot.at(q), outcome[3], outcome[0] > 0.0), int(outcome[1]))
         budget = Budget(None, iterations=int(outcome[2]))
-        return self._finish(found, cost, self._reached(cost), budget, moved)
+        return self._finish(found, cost, self._reached(cost), budget, outcome[6] > 0.0)
 
     def _reached(self, cost: TaskCost) -> Callable[[Configuration], bool]:
         options = self.options
@@ -336,15 +331,6 @@ def _residual(cost: TaskCost, at: Configuration) -> tuple[float, float]:
     """The largest position error [m] and orientation error [rad] of all tasks."""
     residuals = [task.residual(at) for task in cost.tasks]
     return max(r[0] for r in residuals), max(r[1] for r in residuals)
-
-
-def _pose_fault(T: np.ndarray) -> PoseError:
-    """What is wrong with a target (4, 4) that the kernels refused."""
-    try:
-        as_pose(T)
-    except PoseError as fault:
-        return fault
-    return PoseError(f"the target is not a rigid transformation: {T.tolist()}")
 
 
 def _check_type(value: Any, types: Any, name: str, example: str) -> None:
