@@ -77,7 +77,7 @@ def begin(state, q, target, lane, q0, wanted):
         q[i, lane] = q0[i]
     for i in range(12):
         target[i, lane] = wanted[i]
-    state[COST, lane] = np.inf
+    state[COST, lane], state[POSITION, lane], state[ORIENTATION, lane] = np.inf, np.inf, np.inf
     state[STARTING, lane], state[ENDED, lane], state[REACHED, lane] = 1.0, 0.0, 0.0
 
 

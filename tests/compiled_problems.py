@@ -1,0 +1,108 @@
+"""What the tests of the kernels share: robots, the arrays of a problem, and work to do it in."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from conftest import load
+from numba import config
+
+import maira_qp as mq
+from maira_qp.kernels.descent import STATE, Lanes
+from maira_qp.kernels.lanes import LANES
+from maira_qp.kernels.search import OUTCOME, memory_sizes, search
+from maira_qp.problem.tasks import FrameTask
+from maira_qp.solvers.compiled import Compiled
+
+nine_robots = pytest.mark.parametrize(
+    "name", ["maira", "panda", "xarm7", "ur5_limited", "pr2_arm", "tiago", "kinova", "irb140", "talos_arm"]
+)
+"""Axes along x, y, z, against them and skew; six to eight joints, prismatic and continuous ones among them."""
+
+three_tasks = pytest.mark.parametrize(
+    "task", [mq.PoseTask(), mq.PositionTask(), mq.OrientationTask()], ids=lambda task: type(task).__name__
+)
+
+
+def few(count: int) -> int:
+    """So many cases, or, where the kernels run as plain Python, a twentieth of them."""
+    return max(1, count // 20) if config.DISABLE_JIT else count
+
+
+@cache
+def arm(name: str) -> mq.Robot:
+    """A robot by its name."""
+    return mq.Robot.maira() if name == "maira" else load(name)
+
+
+def compiled(robot: mq.Robot, task: mq.PoseTask | FrameTask | None = None, **options) -> Compiled:
+    """The arrays of a problem."""
+    problem = Compiled.of(robot, ((task or mq.PoseTask()).of(robot),), 0, mq.Options(**options))
+    assert isinstance(problem, Compiled)
+    return problem
+
+
+def configurations(robot: mq.Robot, rng: np.random.Generator, count: int) -> np.ndarray:
+    """Random ones within the limits (count, n)."""
+    return np.array([robot.random_configuration(rng) for _ in range(count)])
+
+
+def row_of(target) -> np.ndarray:
+    """A pose as (12,): R by rows, then p."""
+    T = np.asarray(getattr(target, "homogeneous", target))
+    return np.r_[T[:3, :3].ravel(), T[:3, 3]]
+
+
+def reachable_rows(robot: mq.Robot, rng: np.random.Generator, count: int) -> np.ndarray:
+    """Poses (count, 12) of the tool at random configurations."""
+    return np.array([row_of(robot.forward(q)) for q in configurations(robot, rng, count)])
+
+
+def kinematic_work(n: int, *lanes: int) -> tuple[np.ndarray, ...]:
+    """axes, origins, tool, e, J"""
+    shapes = (n, 3), (n, 3), (12,), (6,), (n, 6)
+    return tuple(np.full((*shape, *lanes), np.nan) for shape in shapes)
+
+
+def descents(n: int) -> Lanes:
+    """Eight descents of a chain of n joints, none of them begun."""
+    vectors = {"target": 12, "tool": 12, "e": 6}
+    vectors |= dict.fromkeys(("q", "trial", "c", "diagonal", "lower", "upper", "side", "dq"), n)
+    blocks = {"axes": (n, 3), "origins": (n, 3), "J": (n, 6), "H": (n, n), "A": (n, n)}
+    arrays = {key: np.full((length, LANES), np.nan) for key, length in vectors.items()}
+    arrays |= {key: np.full((*shape, LANES), np.nan) for key, shape in blocks.items()}
+    return Lanes(state=np.ones((STATE, LANES)), alone=np.full(2 * n * n + 7 * n, np.nan), **arrays)
+
+
+def search_for(
+    problem: Compiled,
+    rows: np.ndarray,
+    starts: np.ndarray | None = None,
+    streams: np.ndarray | None = None,
+    shuffled: bool = False,
+    first: int = 0,
+    last: int | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """q (N, n) and outcomes (N, 6) of the kernel `search` for the targets (N, 12)."""
+    n, last = problem.robot.n, problem.last_attempt if last is None else last
+    streams = np.arange(len(rows), dtype=np.uint64) if streams is None else streams
+    floats, integers = memory_sizes(n, last - first + 1)
+    q, outcome = np.full((len(rows), n), np.nan), np.full((len(rows), OUTCOME), np.nan)
+    search(
+        problem.chain,
+        problem.settings,
+        problem.library,
+        problem.features,
+        problem.candidates,
+        shuffled,
+        rows,
+        np.empty((0, n)) if starts is None else starts,
+        streams,
+        first,
+        last,
+        np.full(floats, np.nan),
+        np.full(integers, -(2**62)),
+        q,
+        outcome,
+    )
+    return q, outcome
