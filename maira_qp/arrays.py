@@ -32,11 +32,6 @@ def real_array(
     return array
 
 
-def as_native(value: Any, shape: tuple[int, ...], name: str, error: type[MairaError]) -> np.ndarray:
-    """`real_array`, but a native float64 array of that shape is given back as it is, whether finite or not.
-
-    For the fast way in, where compiled code looks at every number anyhow.
-    """
-    if type(value) is np.ndarray and value.dtype == np.float64 and value.shape == shape and value.flags.c_contiguous:
-        return value
-    return real_array(value, shape, name, error)
+def is_native(value: Any, shape: tuple[int, ...]) -> bool:
+    """Whether compiled code can take a value as it is: a C-contiguous float64 array of that shape, finite or not."""
+    return type(value) is np.ndarray and value.dtype == np.float64 and value.shape == shape and value.flags.c_contiguous

@@ -1,6 +1,7 @@
 """The solver: reachable targets are reached, limits hold to the bit, and a success is a success."""
 
 import pickle
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 
@@ -307,8 +308,12 @@ def test_no_answer_depends_on_the_number_of_threads(maira, rng):
     targets = [maira.forward(maira.random_configuration(rng)) for _ in range(700)]
     one, three = (mq.Solver(maira).solve_batch(targets, threads=threads) for threads in (1, 3))
     assert one.success.all()
-    for f in fields(mq.BatchSolution):
-        values = getattr(one, f.name), getattr(three, f.name)
+    for name in (
+        *(f.name for f in fields(mq.BatchSolution) if f.name != "_robot"),
+        "condition_number",
+        "active_limits",
+    ):
+        values = getattr(one, name), getattr(three, name)
         assert values[0] == values[1] if isinstance(values[0], (list, str)) else np.array_equal(*values, equal_nan=True)
     assert all(pose_error(maira, q, T) <= 1.01e-6 and inside(maira, q) for q, T in zip(one.q, targets, strict=True))
 
@@ -318,6 +323,78 @@ def test_a_batch_takes_starts_for_all_or_for_each(maira, rng):
     targets = [maira.forward(q) for q in starts]
     assert np.array_equal(mq.Solver(maira).solve_batch(targets, q0=starts).q, starts)
     assert mq.Solver(maira).solve_batch(targets, q0=starts[0]).success.all()
+
+
+@pytest.mark.parametrize("backend", ["compiled", "daqp"])
+def test_a_target_with_nan_spoils_only_its_own_row(maira, backend, rng):
+    targets = np.array([maira.forward(maira.random_configuration(rng)).homogeneous for _ in range(5)])
+    solver = mq.Solver(maira, backend=backend)
+    whole = solver.solve_batch(targets)
+    targets[1, 0, 3], targets[3] = np.nan, np.inf
+    batch = solver.solve_batch(targets)
+    assert batch.success.tolist() == [True, False, True, False, True]
+    assert batch.status.tolist() == [0, 3, 0, 3, 0]
+    assert np.array_equal(batch.q[::2], whole.q[::2])
+    assert np.isnan(batch.position_error[[1, 3]]).all()
+    assert np.isnan(batch.orientation_error[[1, 3]]).all()
+    assert all(inside(maira, q) for q in batch.q)
+    assert not np.isnan(batch.condition_number).any()
+    with pytest.raises(PoseError, match="finite"):
+        solver.solve(targets[1])
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_progress_is_told_in_order_by_the_calling_thread_to_the_end(maira, threads, rng):
+    targets, told = [maira.forward(maira.random_configuration(rng)) for _ in range(600)], []
+
+    def progress(done, total):
+        told.append((done, total, threading.get_ident()))
+
+    mq.Solver(maira).solve_batch(targets, threads=threads, progress=progress)
+    assert [done for done, _, _ in told] == sorted({done for done, _, _ in told})
+    assert len(told) >= 2
+    assert told[-1][:2] == (600, 600)
+    assert {ident for _, _, ident in told} == {threading.get_ident()}
+
+
+def test_an_interrupt_from_the_progress_callback_stops_a_batch(maira, rng):
+    targets = [maira.forward(maira.random_configuration(rng)) for _ in range(2000)]
+
+    def progress(done, total):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        mq.Solver(maira).solve_batch(targets, threads=2, progress=progress)
+
+
+def test_a_part_of_a_batch_is_a_batch_and_a_pickle_needs_no_robot(maira, rng):
+    targets = [maira.forward(q) for q in (maira.upper, maira.random_configuration(rng), maira.lower)]
+    batch = mq.Solver(maira).solve_batch(targets)
+    part, copy, one = batch[1:], pickle.loads(pickle.dumps(batch)), pickle.loads(pickle.dumps(batch[0]))
+    assert isinstance(part, mq.BatchSolution)
+    assert np.array_equal(part.q, batch.q[1:])
+    assert np.array_equal(part.condition_number, batch.condition_number[1:])
+    assert copy.active_limits == batch.active_limits == [s.active_limits for s in batch]
+    assert np.array_equal(copy.condition_number, batch.condition_number)
+    assert [name.split()[0] for name in one.active_limits] == maira.joint_names
+    assert one.condition_number == pytest.approx(maira.condition_number(one.q), rel=1e-9)
+    assert len(pickle.dumps(batch[0])) < 2000
+
+
+def test_starts_far_beyond_a_turn_are_left_to_the_general_engine(rng):
+    """There the sine of the kernels loses digits."""
+    robot = load("pr2_arm")
+    turns = np.isinf(robot.upper)
+    assert turns.any()
+    q = robot.random_configuration(rng)
+    start = np.where(turns, q + 2e5 * np.pi, q)
+    for s in (
+        mq.Solver(robot).solve(robot.forward(q), q0=start),
+        mq.Solver(robot).solve_batch([robot.forward(q)], q0=start)[0],
+    ):
+        assert s.success
+        assert pose_error(robot, s.q, robot.forward(q)) <= 1.01e-6
+        assert (s.q[turns] > 1e5).all()
 
 
 def test_an_empty_batch_has_empty_fields(maira):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.arrays import as_native, real_array
+from maira_qp.arrays import is_native, real_array
 from maira_qp.errors import BackendError, ConfigurationError, OptionError, PoseError, listed
 from maira_qp.orientation import rigid
 from maira_qp.problem.backends import Backend, available
@@ -138,12 +138,13 @@ class Solver:
         Raises `PoseError`, `ConfigurationError`, `OptionError` for what cannot be meant; the rest is a `Status`.
         """
         seed = SEED_0 if rng is None else _seed_words(rng)
-        start = None if q0 is None else as_native(q0, (self.robot.n,), "q0", ConfigurationError)
+        start = q0 if q0 is None or is_native(q0, (self.robot.n,)) else self._start(q0)
         engine = self._compiled
         if engine is None or observe is not None or self.options.deadline is not None:
             return self._solve(self._target(target), self._start(start), seed, observe)
-        matrix = target.homogeneous if isinstance(target, pin.SE3) else target
-        T = as_native(matrix, (4, 4), "target", PoseError)
+        T = np.ascontiguousarray(target.homogeneous) if isinstance(target, pin.SE3) else target
+        if not is_native(T, (4, 4)):
+            T = np.ascontiguousarray(self._target(target).homogeneous)  # or an error that says what it is
         fault, q, outcome = engine.search_one(T, start, seed)
         if fault:  # said in words, or for the general engine
             return self._solve(self._target(target), self._start(start), seed)
@@ -229,7 +230,7 @@ class Solver:
         position, orientation = _residual(cost, self.robot.at(q_next))
         return Step(velocity, q_next, position, orientation, active_limits(self.robot, q_next))
 
-    def _start(self, q0: np.ndarray | None) -> np.ndarray | None:
+    def _start(self, q0: Any) -> np.ndarray | None:
         return None if q0 is None else real_array(q0, (self.robot.n,), "q0", ConfigurationError)
 
     def _target(self, target: Any) -> pin.SE3:
