@@ -376,7 +376,7 @@ def test_a_part_of_a_batch_is_a_batch_and_a_pickle_needs_no_robot(maira, rng):
     assert np.array_equal(part.condition_number, batch.condition_number[1:])
     assert copy.active_limits == batch.active_limits == [s.active_limits for s in batch]
     assert np.array_equal(copy.condition_number, batch.condition_number)
-    assert [name.split()[0] for name in one.active_limits] == maira.joint_names
+    assert [name.split()[0] for name in one.active_limits] == list(maira.joint_names)
     assert one.condition_number == pytest.approx(maira.condition_number(one.q), rel=1e-9)
     assert len(pickle.dumps(batch[0])) < 2000
 
