@@ -1,0 +1,381 @@
+"""The compiled search: which attempt counts depends on its number alone, and a target on nothing but itself."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from compiled_problems import arm, compiled, configurations, few, nine_robots, reachable_rows, row_of, search_for
+from test_kernels_starts import features_of, nearest_of, start_of
+
+import maira_qp as mq
+from maira_qp.kernels.descent import MAX_ITERATIONS
+from maira_qp.kernels.lanes import LANES
+from maira_qp.kernels.random_numbers import stream_of
+from maira_qp.kernels.rigid import FINE, NOT_FINITE, NOT_RIGID
+from maira_qp.kernels.search import (
+    ATTEMPT,
+    FAR_START,
+    FARTHEST_START,
+    FINAL_COST,
+    MOVED,
+    ORIENTATION_ERROR,
+    OUTCOME,
+    POSITION_ERROR,
+    SPENT,
+    SUCCESS,
+    memory_sizes,
+    search,
+    search_one,
+)
+from maira_qp.kernels.starts import CORNER, state_of
+from maira_qp.orientation import ORTHONORMAL_WITHIN, pose_error
+from maira_qp.solvers.compiled import Compiled
+from maira_qp.solvers.targets import pose_of
+
+FAR = row_of(mq.pose([2.5, 0.1, 0.4]))
+"""Out of MAIRA's reach."""
+
+
+def hard_rows(robot: mq.Robot, rng, count: int) -> np.ndarray:
+    """Poses (count, 12) that take attempts: every joint near a limit; one in six is out of reach."""
+    lower, upper = robot.drawn_range
+    q = np.where(rng.random((count, robot.n)) < 0.5, lower, upper)
+    q = np.clip(q + 1e-3 * (upper - lower) * rng.normal(size=q.shape), lower, upper)
+    rows = np.array([row_of(robot.forward(each)) for each in q])
+    rows[::6, 9:] *= 3.0
+    return rows
+
+
+def attempts_of(problem: Compiled, row: np.ndarray, count: int, stream: int = 0, starts=None):
+    """q (count, n) and outcomes (count, 7) of attempts at a target, each made alone."""
+    stream = np.array([stream], dtype=np.uint64)
+    parts = [search_for(problem, row[None], starts, stream, first=k, last=k) for k in range(count)]
+    return np.concatenate([q for q, _ in parts]), np.concatenate([outcome for _, outcome in parts])
+
+
+def best_of(q: np.ndarray, outcomes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What a search should say, by its attempts one by one: the first that arrives, else the best of all."""
+    arrived = np.flatnonzero(outcomes[:, SUCCESS] > 0)
+    last = arrived[0] if len(arrived) else len(q) - 1
+    best = arrived[0] if len(arrived) else outcomes[:, FINAL_COST].argmin()
+    expected = outcomes[best].copy()
+    expected[ATTEMPT], expected[SPENT] = last, outcomes[: last + 1, SPENT].sum()
+    return q[best], expected
+
+
+@pytest.mark.parametrize("name", ["maira", "panda", "tiago"])
+@pytest.mark.parametrize("with_start", [False, True])
+def test_a_search_is_its_attempts_in_order_until_one_arrives(name, with_start, rng):
+    """The first that arrives, or else the best of all; the iterations are those of the attempts that count."""
+    robot = arm(name)
+    count, counted = 20, []
+    problem = compiled(robot, max_restarts=count - 1, max_iterations=8)  # few: so that it takes attempts
+    for row in hard_rows(robot, rng, few(40)):
+        starts = configurations(robot, rng, 1) if with_start else None
+        stream = rng.integers(0, 2**64 - 1, dtype=np.uint64)
+        q, outcome = search_for(problem, row[None], starts, np.array([stream]))
+        expected_q, expected = best_of(*attempts_of(problem, row, count, stream, starts))
+        np.testing.assert_array_equal(q[0], expected_q)
+        np.testing.assert_array_equal(outcome[0], expected)
+        counted.append(int(outcome[0, ATTEMPT]) if outcome[0, SUCCESS] else -1)
+    assert -1 in counted
+    assert len(set(counted)) >= min(5, len(counted))
+
+
+def test_a_search_cut_into_calls_is_the_same_search(rng):
+    """Wherever it is cut: the first part that arrives, or the best of all parts."""
+    robot, count = arm("maira"), 24
+    problem = compiled(robot, max_restarts=count - 1)
+    for row in [FAR, *hard_rows(robot, rng, few(12))]:
+        whole_q, whole = search_for(problem, row[None])
+        cuts = np.unique(np.r_[0, rng.integers(1, count, 4), count])
+        spent, best = 0.0, None
+        for first, after in pairwise(cuts):
+            q, outcome = search_for(problem, row[None], first=int(first), last=int(after) - 1)
+            spent += outcome[0, SPENT]
+            if best is None or outcome[0, SUCCESS] or outcome[0, FINAL_COST] < best[1][FINAL_COST]:
+                best = q[0], outcome[0]
+            if outcome[0, SUCCESS]:
+                break
+        np.testing.assert_array_equal(best[0], whole_q[0])
+        assert spent == whole[0, SPENT]
+        assert outcome[0, ATTEMPT] == whole[0, ATTEMPT]
+        told = [SUCCESS, FINAL_COST, POSITION_ERROR, ORIENTATION_ERROR]
+        np.testing.assert_array_equal(best[1][told], whole[0, told])
+
+
+@pytest.mark.parametrize("name", ["maira", "pr2_arm", "irb140"])
+@pytest.mark.parametrize("shuffled", [False, True])
+def test_a_batch_is_its_targets_one_by_one(name, shuffled, rng):
+    """To the bit, in any order and any company, easy targets and hard ones, reachable or not, NaN among them."""
+    robot, count = arm(name), few(60)
+    problem = compiled(robot, max_restarts=25)
+    rows = np.concatenate([reachable_rows(robot, rng, count), hard_rows(robot, rng, count // 3 + 1)])
+    rows[1] = np.nan
+    starts = configurations(robot, rng, len(rows)) if name == "pr2_arm" else None
+    streams = rng.integers(0, 2**64 - 1, len(rows), dtype=np.uint64)
+
+    def solved(picked):
+        begin = None if starts is None else starts[picked]
+        return np.hstack(search_for(problem, rows[picked], begin, streams[picked], shuffled))
+
+    expected = solved(np.arange(len(rows)))
+    for i in range(len(rows)):
+        np.testing.assert_array_equal(solved(np.array([i])), expected[[i]])
+    for size in (2, 5, LANES, LANES + 1, len(rows)):
+        picked = rng.integers(0, len(rows), size)
+        np.testing.assert_array_equal(solved(picked), expected[picked])
+
+
+def test_an_earlier_attempt_that_arrives_goes_before_a_later_one_that_arrives_sooner(rng):
+    """Attempt 1 begins at a configuration that solves it; attempt 0 needs iterations, and counts."""
+    robot, seen = arm("maira"), 0
+    for _ in range(few(20)):
+        solution, start = configurations(robot, rng, 2)
+        row = row_of(robot.forward(solution))
+        library = configurations(robot, rng, LANES)
+        library[rng.integers(LANES)] = solution
+        problem = compiled(robot, max_restarts=3)
+        problem = replace(problem, library=library, features=features_of(problem, library))
+        (first_q, second_q), outcomes = attempts_of(problem, row, 2, starts=start[None])
+        assert outcomes[1, SUCCESS] == 1
+        assert outcomes[1, SPENT] == 0
+        np.testing.assert_array_equal(second_q, solution)
+        q, outcome = search_for(problem, row[None], start[None])
+        if outcomes[0, SUCCESS]:
+            seen += 1
+            assert outcomes[0, SPENT] > 0
+            np.testing.assert_array_equal(q[0], first_q)
+            np.testing.assert_array_equal(outcome[0], outcomes[0])
+        else:
+            np.testing.assert_array_equal(q[0], solution)
+            assert outcome[0, ATTEMPT] == 1
+            assert outcome[0, SPENT] == outcomes[0, SPENT]
+    assert seen > 0
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_target_that_is_not_finite_costs_only_itself(value, rng):
+    robot = arm("maira")
+    problem, rows = compiled(robot, max_restarts=5), reachable_rows(robot, rng, 20)
+    expected = np.hstack(search_for(problem, rows, streams=np.zeros(20, np.uint64)))
+    spoilt = rng.permutation(20)[:12]
+    for k, i in enumerate(spoilt):
+        rows[i, k] = value
+    q, outcome = search_for(problem, rows, streams=np.zeros(20, np.uint64))
+    fine = np.setdiff1d(np.arange(20), spoilt)
+    np.testing.assert_array_equal(np.hstack([q, outcome])[fine], expected[fine])
+    assert (q[spoilt] == 0.0).all()
+    assert (outcome[spoilt][:, [SUCCESS, ATTEMPT, SPENT]] == 0.0).all()
+    assert np.isnan(outcome[spoilt][:, [FINAL_COST, POSITION_ERROR, ORIENTATION_ERROR]]).all()
+
+
+def test_where_zero_is_not_within_the_limits_a_target_with_nan_is_left_as_near_as_they_allow():
+    robot = arm("panda")  # its fourth joint is always bent
+    q, _ = search_for(compiled(robot), np.full((1, 12), np.nan))
+    np.testing.assert_array_equal(q[0], np.clip(np.zeros(7), robot.lower, robot.upper))
+
+
+def test_a_target_too_far_to_measure_is_told_so_whatever_ran_before(rng):
+    """1e200 m: finite, its cost is not."""
+    robot = arm("maira")
+    problem, rows = compiled(robot, max_restarts=9), reachable_rows(robot, rng, 3 * LANES)
+    rows[::3, 9] = 1e200
+    q, outcome = search_for(problem, rows)
+    assert (outcome[::3, FINAL_COST] == np.inf).all()
+    assert (outcome[::3, POSITION_ERROR] == np.inf).all()
+    assert (outcome[::3, SUCCESS] == 0.0).all()
+    assert (np.delete(outcome, np.s_[::3], axis=0)[:, SUCCESS] == 1.0).all()
+    assert (q >= robot.lower).all()
+    assert (q <= robot.upper).all()
+
+
+@nine_robots
+def test_results_are_within_the_limits_to_the_bit_and_what_is_said_of_them_is_true(name, rng):
+    """By Pinocchio: for easy targets and hard ones, out of reach, from starts on the limits and outside."""
+    robot = arm(name)
+    problem = compiled(robot, max_restarts=15)
+    rows = np.concatenate([reachable_rows(robot, rng, few(40)), hard_rows(robot, rng, few(40))])
+    starts = configurations(robot, rng, len(rows))
+    starts[1::3] = np.where(rng.random((len(rows), robot.n)) < 0.5, *robot.drawn_range)[1::3]
+    starts[2::3] *= 5.0
+    q, outcome = search_for(problem, rows, starts)
+    assert (q >= robot.lower).all()
+    assert (q <= robot.upper).all()
+    outside = (starts < robot.lower) | (starts > robot.upper)
+    np.testing.assert_array_equal(outcome[:, MOVED] > 0, outside.any(axis=1))
+    for i, row in enumerate(rows):
+        e = pose_error(robot.forward(q[i]), pose_of(row))
+        position, orientation = np.linalg.norm(e[:3]), np.linalg.norm(e[3:])
+        assert outcome[i, POSITION_ERROR] == pytest.approx(position, rel=1e-6, abs=1e-13)
+        assert outcome[i, ORIENTATION_ERROR] == pytest.approx(orientation, rel=1e-6, abs=1e-13)
+        weighted = np.linalg.norm(problem.settings[[0, 0, 0, 1, 1, 1]] * e)
+        assert np.sqrt(2 * outcome[i, FINAL_COST]) == pytest.approx(weighted, rel=1e-6, abs=1e-12)
+        assert (outcome[i, SUCCESS] > 0) == (max(outcome[i, [POSITION_ERROR, ORIENTATION_ERROR]]) <= 1e-6)
+    assert outcome[: few(40), SUCCESS].mean() > 0.9
+
+
+@pytest.mark.parametrize("task", [mq.PositionTask(), mq.OrientationTask()], ids=lambda task: type(task).__name__)
+def test_a_part_of_the_pose_that_is_not_asked_for_has_no_error(task, rng):
+    robot = arm("panda")
+    _, outcome = search_for(compiled(robot, task), reachable_rows(robot, rng, 20))
+    free, asked = POSITION_ERROR, ORIENTATION_ERROR
+    if isinstance(task, mq.PositionTask):
+        free, asked = asked, free
+    assert (outcome[:, SUCCESS] == 1.0).all()
+    assert (outcome[:, free] == 0.0).all()
+    assert (outcome[:, asked] <= 1e-6).all()
+    assert (outcome[:, asked] > 0.0).any()
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, LANES, LANES + 1, 50])
+@pytest.mark.parametrize("restarts", [0, 1, 40])
+def test_any_number_of_targets_and_of_attempts_will_do(count, restarts, rng):
+    """Also none at all, and a single attempt each."""
+    robot = arm("maira")
+    rows = np.concatenate([reachable_rows(robot, rng, 50)[:count], FAR[None]])[-max(count, 0) :][:count]
+    problem = compiled(robot, max_restarts=restarts)
+    q, outcome = search_for(problem, rows)
+    assert q.shape == (count, 7)
+    assert np.isfinite(q).all()
+    assert (outcome[:, ATTEMPT] <= restarts).all()
+    if count:
+        assert outcome[-1].tolist()[:2] == [0.0, float(restarts)]
+        assert outcome[-1, SPENT] <= 30 * (restarts + 1)
+        assert (outcome[:-1, SUCCESS] == 1.0).all() or restarts < 40
+
+
+def test_it_works_in_memory_that_holds_anything_and_writes_nowhere_else(rng):
+    """Numbers beside it are as they were, and what it held before does not matter."""
+    robot = arm("maira")
+    problem, rows = compiled(robot, max_restarts=12), hard_rows(robot, rng, few(20))
+    expected = np.hstack(search_for(problem, rows))
+    sizes, streams = memory_sizes(7, 13), np.arange(len(rows), dtype=np.uint64)
+    for rubbish in (np.nan, 1.0, -np.inf, 1e308):
+        for offset in range(LANES):
+            floats, integers = np.full(sizes[0] + 40, rubbish), np.full(sizes[1] + 40, int(rng.integers(-9, 9)))
+            q, outcome, before = np.empty((len(rows), 7)), np.empty((len(rows), OUTCOME)), integers.copy()
+            search(
+                problem.chain,
+                problem.settings,
+                problem.library,
+                problem.features,
+                problem.candidates,
+                False,
+                rows,
+                np.empty((0, 7)),
+                streams,
+                0,
+                12,
+                floats[offset : offset + sizes[0]],
+                integers[20 : 20 + sizes[1]],
+                q,
+                outcome,
+            )
+            np.testing.assert_array_equal(np.hstack([q, outcome]), expected)
+            np.testing.assert_array_equal(floats[:offset], np.full(offset, rubbish))
+            np.testing.assert_array_equal(floats[offset + sizes[0] :], np.full(40 - offset, rubbish))
+            np.testing.assert_array_equal(np.delete(integers, np.s_[20:-20]), np.delete(before, np.s_[20:-20]))
+
+
+def starts_of(problem: Compiled, row, count: int, stream: int, starts=None, shuffled: bool = False) -> np.ndarray:
+    """Where the attempts 0, 1, ... (count, n) begin: a search without iterations ends there."""
+    settings = problem.settings.copy()
+    settings[MAX_ITERATIONS] = 0
+    still, streams = replace(problem, settings=settings), np.array([stream], dtype=np.uint64)
+    return np.concatenate([search_for(still, row[None], starts, streams, shuffled, k, k)[0] for k in range(count)])
+
+
+@pytest.mark.parametrize("name", ["maira", "ur5_limited"])
+@pytest.mark.parametrize("with_start", [False, True])
+def test_attempts_begin_at_the_start_then_at_the_nearest_of_the_library_then_at_random(name, with_start, rng):
+    """In this order; one random one in four is a corner of the limits."""
+    robot = arm(name)
+    problem = compiled(robot)
+    for row in reachable_rows(robot, rng, few(10)):
+        stream, count = int(rng.integers(0, 2**64 - 1, dtype=np.uint64)), 2 * LANES + 3
+        starts = configurations(robot, rng, 1) if with_start else None
+        found = starts_of(problem, row, count, stream, starts)
+        expected = [] if starts is None else [starts[0]]
+        expected += list(problem.library[nearest_of(problem, problem.features, row)])
+        for attempt in range(len(expected), count):
+            state = int(state_of(np.uint64(stream), attempt))
+            expected.append(start_of(problem, row, problem.candidates, attempt % CORNER == 1, state))
+        np.testing.assert_array_equal(found, expected)
+        corners = ((found == robot.drawn_range[0]) | (found == robot.drawn_range[1])).all(axis=1)
+        assert corners[LANES + with_start :].sum() == sum(k % CORNER == 1 for k in range(LANES + with_start, count))
+
+
+def test_shuffled_starts_differ_by_seed_and_are_the_nearest_ones_in_another_order(rng):
+    problem = compiled(arm("maira"))
+    row = reachable_rows(problem.robot, rng, 1)[0]
+    plain = starts_of(problem, row, LANES, 5)
+    firsts = set()
+    for seed in range(40):
+        stream = int(stream_of(row, np.array([seed, 0], dtype=np.uint64)))
+        shuffled = starts_of(problem, row, LANES, stream, shuffled=True)
+        np.testing.assert_array_equal(np.unique(shuffled, axis=0), np.unique(plain, axis=0))
+        firsts.add(tuple(shuffled[0]))
+    assert len(firsts) == LANES
+
+
+def test_a_start_outside_the_limits_is_moved_onto_them(rng):
+    problem = compiled(arm("maira"))
+    row, start = reachable_rows(problem.robot, rng, 1)[0], np.array([[9.0, -9.0, 0.1, 9.0, 0.2, 0.3, -9.0]])
+    found = starts_of(problem, row, 1, 5, start)
+    np.testing.assert_array_equal(found, np.clip(start, problem.robot.lower, problem.robot.upper))
+
+
+def one(problem: Compiled, T: np.ndarray, q0: np.ndarray, seed: tuple[int, int]):
+    """What `search_one` returns, q (1, n), outcome (1, 7)."""
+    n = problem.robot.n
+    floats, integers = memory_sizes(n, problem.last_attempt + 1)
+    q, outcome = np.full((1, n), np.nan), np.full((1, OUTCOME), np.nan)
+    fault = search_one(
+        problem.chain,
+        problem.settings,
+        problem.library,
+        problem.features,
+        problem.candidates,
+        T,
+        ORTHONORMAL_WITHIN,
+        q0,
+        np.array(seed, dtype=np.uint64),
+        problem.last_attempt,
+        np.full(floats, np.nan),
+        np.full(integers, -9),
+        q,
+        outcome,
+    )
+    return fault, q, outcome
+
+
+@pytest.mark.parametrize("seed", [(0, 0), (5, 0), (0, 5)])
+def test_the_search_for_one_target_is_that_for_many(seed, rng):
+    """To the bit, from a start and without, the stream made of the target; starts are shuffled under any seed but 0."""
+    robot = arm("panda")
+    problem = compiled(robot, max_restarts=20)
+    rows = np.concatenate([reachable_rows(robot, rng, few(20)), hard_rows(robot, rng, few(20))])
+    for row in rows:
+        stream = np.array([stream_of(row, np.array(seed, dtype=np.uint64))], dtype=np.uint64)
+        for q0 in (np.empty(0), configurations(robot, rng, 1)[0]):
+            fault, q, outcome = one(problem, pose_of(row).homogeneous, q0, seed)
+            expected = search_for(problem, row[None], q0.reshape(-1, 7), stream, seed != (0, 0))
+            assert fault == FINE
+            np.testing.assert_array_equal(q, expected[0])
+            np.testing.assert_array_equal(outcome, expected[1])
+
+
+def test_the_search_for_one_target_tells_what_it_cannot_take(rng):
+    problem = compiled(arm("maira"))
+    T = pose_of(reachable_rows(problem.robot, rng, 1)[0]).homogeneous
+    spoilt, bent = T.copy(), T.copy()
+    spoilt[1, 2], bent[0, :3] = np.nan, 1.1 * bent[0, :3]
+    assert one(problem, spoilt, np.empty(0), (0, 0))[0] == NOT_FINITE
+    assert one(problem, bent, np.empty(0), (0, 0))[0] == NOT_RIGID
+    for value in (np.nan, np.inf, 1.001 * FARTHEST_START, -2 * FARTHEST_START):
+        q0 = np.zeros(7)
+        q0[rng.integers(7)] = value
+        assert one(problem, T, q0, (0, 0))[0] == FAR_START
+    assert one(problem, T, np.full(7, FARTHEST_START), (0, 0))[0] == FINE

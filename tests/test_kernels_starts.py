@@ -1,0 +1,176 @@
+"""Where descents begin: the nearest of a library by brute force, and the best of random draws by a twin."""
+
+import numpy as np
+import pytest
+from compiled_problems import (
+    arm,
+    compiled,
+    configurations,
+    descents,
+    few,
+    nine_robots,
+    reachable_rows,
+    row_of,
+    three_tasks,
+)
+from test_kernels_random_numbers import splitmix
+
+import maira_qp as mq
+from maira_qp.kernels.chain import START_LOWER, START_UPPER
+from maira_qp.kernels.lanes import LANES
+from maira_qp.kernels.random_numbers import stream_of
+from maira_qp.kernels.starts import FEATURES, fill_library, find_nearest, random_start, state_of
+from maira_qp.problem.costs import TaskCost
+from maira_qp.solvers.compiled import Compiled
+from maira_qp.solvers.targets import pose_of
+
+
+def features_of(problem: Compiled, q: np.ndarray) -> np.ndarray:
+    """`fill_library` for configurations (K, n)."""
+    features = np.full((len(q) // LANES, FEATURES, LANES), np.nan)
+    fill_library(problem.chain, problem.settings, q, features)
+    return features
+
+
+def squared_distances(problem: Compiled, q: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Twice the pose cost (K,), with the turn measured by |R - R_d|^2 / 2, at configurations (K, n)."""
+    difference = np.array([row_of(problem.robot.forward(each)) for each in q]) - row
+    position, orientation = problem.settings[:2]
+    return (position * difference[:, 9:]) ** 2 @ np.ones(3) + 0.5 * (orientation * difference[:, :9]) ** 2 @ np.ones(9)
+
+
+def nearest_of(problem: Compiled, features: np.ndarray, row: np.ndarray) -> np.ndarray:
+    nearest = np.full(LANES, -7)
+    find_nearest(problem.settings, features, row, np.full((2, LANES), np.nan), nearest)
+    return nearest
+
+
+@three_tasks
+@nine_robots
+def test_the_nearest_of_each_list_are_found_and_sorted(name, task, rng):
+    """By brute force; lists of one, of five and of sixty-four."""
+    robot = arm(name)
+    problem = compiled(robot, task)
+    for blocks in (1, 5, 64):
+        q = configurations(robot, rng, LANES * blocks)
+        features = features_of(problem, q)
+        for row in reachable_rows(robot, rng, few(20)):
+            distances = squared_distances(problem, q, row)
+            nearest = nearest_of(problem, features, row)
+            np.testing.assert_allclose(
+                distances[nearest], np.sort(distances.reshape(blocks, LANES).min(axis=0)), rtol=1e-9, atol=1e-11
+            )
+            assert sorted(nearest % LANES) == list(range(LANES))
+            assert distances[nearest[0]] == pytest.approx(distances.min(), rel=1e-9, abs=1e-11)
+
+
+def test_a_pose_of_the_library_is_nearest_to_itself(rng):
+    problem = compiled(arm("panda"))
+    q = configurations(problem.robot, rng, 128)
+    features = features_of(problem, q)
+    for k in range(128):
+        assert nearest_of(problem, features, row_of(problem.robot.forward(q[k])))[0] == k
+
+
+def test_what_is_found_does_not_depend_on_what_stood_there(rng):
+    problem = compiled(arm("maira"))
+    row, features = reachable_rows(problem.robot, rng, 1)[0], problem.features
+    expected = nearest_of(problem, features, row)
+    for rubbish in (-(2**62), 2**62, 3):
+        nearest = np.full(LANES, rubbish)
+        find_nearest(problem.settings, features, row, rng.normal(size=(2, LANES)), nearest)
+        assert nearest.tolist() == expected.tolist()
+
+
+@nine_robots
+def test_the_library_lies_within_the_limits_and_knows_its_poses(name):
+    problem = compiled(arm(name))
+    lower, upper = problem.robot.drawn_range
+    assert (problem.library >= lower).all()
+    assert (problem.library <= upper).all()
+    assert len(np.unique(problem.library, axis=0)) > 0.95 * len(problem.library)  # corners may be in it twice
+    np.testing.assert_array_equal(features_of(problem, problem.library), problem.features)
+    poses = np.array([row_of(problem.robot.forward(q)) for q in problem.library]) * 1.0
+    poses[:, :9] *= problem.settings[1] * np.sqrt(0.5)
+    poses[:, 9:] *= problem.settings[0]
+    expected = np.column_stack([poses, (poses**2).sum(axis=1)]).reshape(-1, LANES, FEATURES).swapaxes(1, 2)
+    np.testing.assert_allclose(problem.features, expected, rtol=1e-11, atol=1e-12)
+
+
+def draws(problem: Compiled, state: int, count: int, at_corner: bool) -> np.ndarray:
+    """The configurations (count, n) that a stream's numbers make: the slow twin of what `random_start` looks at."""
+    q = np.empty((count, problem.robot.n))
+    lower, upper = problem.robot.drawn_range
+    for k in range(count):
+        for i in range(problem.robot.n):
+            bits, state = splitmix(state)[0], (state + 0x9E3779B97F4A7C15) % 2**64
+            share = (bits >> 11) / 2**53
+            share = float(share >= 0.5) if at_corner else share
+            q[k, i] = (1 - share) * lower[i] + share * upper[i]
+    return q
+
+
+def start_of(problem: Compiled, row: np.ndarray, candidates: int, at_corner: bool, state: int) -> np.ndarray:
+    q = np.full(problem.robot.n, np.nan)
+    random_start(
+        problem.chain, problem.settings, row, candidates, at_corner, np.uint64(state), descents(problem.robot.n), q
+    )
+    return q
+
+
+@pytest.mark.parametrize("at_corner", [False, True])
+@pytest.mark.parametrize("candidates", [1, 2, 8, 11, 24])
+@pytest.mark.parametrize("name", ["maira", "ur5_limited", "tiago"])
+def test_a_random_start_is_the_best_of_its_draws(name, candidates, at_corner, rng):
+    """The draws those of the twin, the cost that of the task."""
+    robot, task = arm(name), mq.PoseTask()
+    problem = compiled(robot)
+    for row in reachable_rows(robot, rng, few(20)):
+        state = int(rng.integers(0, 2**64 - 1, dtype=np.uint64))
+        cost = TaskCost((task.of(robot).toward(pose_of(row)),))
+        q = draws(problem, state, candidates, at_corner)
+        values = np.array([cost.value(robot.at(each)) for each in q])
+        found = start_of(problem, row, candidates, at_corner, state)
+        assert cost.value(robot.at(found)) == pytest.approx(values.min(), rel=1e-12)
+        assert np.abs(q - found).max(axis=1).min() < 1e-14
+        if at_corner:
+            assert ((found == robot.drawn_range[0]) | (found == robot.drawn_range[1])).all()
+
+
+def test_a_random_start_toward_nan_is_a_configuration_all_the_same():
+    problem = compiled(arm("maira"))
+    found = start_of(problem, np.full(12, np.nan), 11, False, 3)
+    np.testing.assert_allclose(found, draws(problem, 3, 1, False)[0], atol=1e-15)
+
+
+def test_random_starts_fill_the_limits_and_differ_by_seed_target_and_attempt():
+    problem = compiled(arm("maira"))
+    robot, starts = problem.robot, []
+    for seed in range(3):
+        for place in range(20):
+            row = row_of(mq.pose([0.1 * place, 0, 0]))
+            stream = np.uint64(stream_of(row, np.array([seed, 0], dtype=np.uint64)))
+            starts += [start_of(problem, row, 1, False, int(state_of(stream, attempt))) for attempt in range(20)]
+    starts = np.array(starts)
+    assert len(np.unique(starts, axis=0)) == 1200
+    share = (starts - robot.lower) / (robot.upper - robot.lower)
+    assert (share >= 0).all()
+    assert (share <= 1).all()
+    # mean and spread of 1,200 uniform draws, within 4 standard errors
+    assert np.abs(share.mean(axis=0) - 0.5).max() < 4 / np.sqrt(12 * 1200)
+    assert np.abs(share.std(axis=0) - 1 / np.sqrt(12)).max() < 0.02
+
+
+def test_starts_are_within_the_limits_to_the_bit_wherever_the_draws_fall(rng):
+    """Limits that differ by a few units of the last place, among them: rounding must not lead out."""
+    problem = compiled(arm("maira"))
+    chain = problem.chain.copy()
+    for _ in range(few(400)):
+        lower = rng.normal(size=7) * 10.0 ** rng.integers(-3, 3, 7)
+        upper = lower + rng.integers(0, 4, 7) * np.spacing(np.abs(lower))
+        chain[:7, START_LOWER], chain[:7, START_UPPER] = lower, upper
+        q, work = np.empty(7), descents(7)
+        state = rng.integers(0, 2**64 - 1, dtype=np.uint64)
+        random_start(chain, problem.settings, np.zeros(12), 1, bool(rng.random() < 0.5), state, work, q)
+        assert (q >= lower).all()
+        assert (q <= upper).all()
