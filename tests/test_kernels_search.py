@@ -71,7 +71,7 @@ def test_a_search_is_its_attempts_in_order_until_one_arrives(name, with_start, r
     robot = arm(name)
     count, counted = 20, []
     problem = compiled(robot, max_restarts=count - 1, max_iterations=8)  # few: so that it takes attempts
-    for row in hard_rows(robot, rng, few(40)):
+    for row in np.concatenate([hard_rows(robot, rng, few(20)), reachable_rows(robot, rng, few(20))]):
         starts = configurations(robot, rng, 1) if with_start else None
         stream = rng.integers(0, 2**64 - 1, dtype=np.uint64)
         q, outcome = search_for(problem, row[None], starts, np.array([stream]))
