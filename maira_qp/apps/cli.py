@@ -62,7 +62,13 @@ def _run(arguments: list[str]) -> int:
         sys.stdout.write(f"maira-qp {maira_qp.__version__}\n")
         return 0
     try:
-        return _parse(arguments).run()
+        command = _parse(arguments)
+        if isinstance(command, (Fk, Urdf)):  # nothing of theirs is compiled
+            return command.run()
+        from maira_qp.apps.commands.output import compilation_told
+
+        with compilation_told():
+            return command.run()
     except BrokenPipeError:
         raise
     except (MairaError, OSError) as reason:

@@ -29,42 +29,42 @@ COST, FACTOR, STALL_LEFT, ITERATIONS, LARGEST, POSITION, ORIENTATION = 0, 1, 2, 
 STARTING, ENDED, REACHED = 7, 8, 9
 STATE = 10
 
-Lanes = namedtuple("Lanes", "state target tool e q trial c diagonal lower upper side dq axes origins J H A alone")
+Lanes = namedtuple("Lanes", "state target goal tool e q trial c diagonal lower upper side dq axes origins J H A")
 """All arrays of eight descents, the lane their last axis: the state of each, its q (n,) and target (12,), and
-work; `alone` is work without lanes."""
+work."""
 
 
 @bare_kernel
 def lanes_memory(n):
     """How many numbers `make_lanes` needs."""
-    return (STATE + 30 + n * (20 + 2 * n) + 1) * LANES + 2 * n * n + 7 * n
+    return (STATE + 42 + n * (20 + 2 * n) + 1) * LANES
 
 
 @bare_kernel
 def make_lanes(n, memory):
     """Eight descents of a chain of n joints, all of them ended, in the memory (lanes_memory(n),)."""
     memory = memory[(-memory.ctypes.data // 8) % LANES :]  # a row is one line of the cache
-    vectors = memory[: (STATE + 30 + 8 * n) * LANES].reshape(-1, LANES)
-    rest = memory[(STATE + 30 + 8 * n) * LANES :]
+    vectors = memory[: (STATE + 42 + 8 * n) * LANES].reshape(-1, LANES)
+    rest = memory[(STATE + 42 + 8 * n) * LANES :]
     lanes = Lanes(
         vectors[:STATE],
         vectors[STATE : STATE + 12],
         vectors[STATE + 12 : STATE + 24],
-        vectors[STATE + 24 : STATE + 30],
-        vectors[STATE + 30 : STATE + 30 + n],
-        vectors[STATE + 30 + n : STATE + 30 + 2 * n],
-        vectors[STATE + 30 + 2 * n : STATE + 30 + 3 * n],
-        vectors[STATE + 30 + 3 * n : STATE + 30 + 4 * n],
-        vectors[STATE + 30 + 4 * n : STATE + 30 + 5 * n],
-        vectors[STATE + 30 + 5 * n : STATE + 30 + 6 * n],
-        vectors[STATE + 30 + 6 * n : STATE + 30 + 7 * n],
-        vectors[STATE + 30 + 7 * n : STATE + 30 + 8 * n],
+        vectors[STATE + 24 : STATE + 36],
+        vectors[STATE + 36 : STATE + 42],
+        vectors[STATE + 42 : STATE + 42 + n],
+        vectors[STATE + 42 + n : STATE + 42 + 2 * n],
+        vectors[STATE + 42 + 2 * n : STATE + 42 + 3 * n],
+        vectors[STATE + 42 + 3 * n : STATE + 42 + 4 * n],
+        vectors[STATE + 42 + 4 * n : STATE + 42 + 5 * n],
+        vectors[STATE + 42 + 5 * n : STATE + 42 + 6 * n],
+        vectors[STATE + 42 + 6 * n : STATE + 42 + 7 * n],
+        vectors[STATE + 42 + 7 * n : STATE + 42 + 8 * n],
         rest[: 3 * n * LANES].reshape(n, 3, LANES),
         rest[3 * n * LANES : 6 * n * LANES].reshape(n, 3, LANES),
         rest[6 * n * LANES : 12 * n * LANES].reshape(n, 6, LANES),
         rest[12 * n * LANES : n * (12 + n) * LANES].reshape(n, n, LANES),
         rest[n * (12 + n) * LANES : n * (12 + 2 * n) * LANES].reshape(n, n, LANES),
-        rest[n * (12 + 2 * n) * LANES :],
     )
     store(lanes.state, ENDED, 1.0)
     return lanes
@@ -150,7 +150,7 @@ def advance(chain, settings, lanes):
         store(lanes.upper, i, chain[i, UPPER] - load(q, i))
     solved = starting
     if any_lane(~starting):
-        solved = solve_box_qps(H, lanes.c, lanes.lower, lanes.upper, lanes.A, lanes.side, lanes.alone, lanes.dq)
+        solved = solve_box_qps(H, lanes.c, lanes.lower, lanes.upper, lanes.A, lanes.side, lanes.dq)
     moved = starting
     for i in range(n):
         now = load(q, i)

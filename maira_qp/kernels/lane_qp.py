@@ -2,36 +2,34 @@
 
 All eight are factorised together however their active sets differ: a variable on its bound becomes a row and a column
 of the identity matrix. The passes go on until every lane is settled; a lane that is settled repeats its last pass to
-the bit. The few that cycle are solved one by one.
+the bit. Where that takes long, a pass moves one variable a lane, the first that contradicts the guess, which cannot
+cycle (Murty, "Note on a Bard-type scheme for solving the complementarity problem", 1974).
 """
 
 from __future__ import annotations
 
-import numpy as np
-
-from maira_qp.kernels.box_qp import BLOCK_PASSES, solve_along_feasible_path
+from maira_qp.kernels.box_qp import BLOCK_PASSES
 from maira_qp.kernels.compilation import bare_kernel
-from maira_qp.kernels.lanes import LANES, any_lane, full, lane_bits, load, load2, select, size, store, store2
+from maira_qp.kernels.lanes import any_lane, full, least, load, load2, most, select, size, store, store2
 
 
 @bare_kernel
-def solve_box_qps(H, c, lower, upper, A, side, alone, x):
+def solve_box_qps(H, c, lower, upper, A, side, x):
     """Minimise `1/2 x^T H x + c^T x` over `lower <= x <= upper` in each lane, into x (n,).
 
-    Work: A (n, n) and side (n,), and without lanes `alone` (2 n^2 + 7 n,). Returns a mask of the lanes whose matrix is
-    positive definite.
+    Work: A (n, n) and side (n,). Returns a mask of the lanes whose matrix is positive definite. Where rounding keeps a
+    lane from settling, its x is inside the box, near the minimum.
     """
+    n = len(c)
     _guess(c, lower, upper, side)
     definite = load(c, 0) == load(c, 0)  # everywhere, but for NaN
-    for _ in range(BLOCK_PASSES):
+    for turn in range(BLOCK_PASSES + 8 * n + 20):
         definite = _solve_free(H, c, lower, upper, A, side, x)
-        moved = _pivot(H, c, lower, upper, side, x)
-        if not any_lane(moved):
+        moved = _pivot(H, c, lower, upper, side, x, turn >= BLOCK_PASSES)
+        if not any_lane(moved & definite):
             return definite
-    moving = lane_bits(moved & definite)
-    for lane in range(LANES):
-        if (moving >> np.uint64(lane)) & np.uint64(1):
-            _solve_alone(H, c, lower, upper, lane, alone, x)
+    for i in range(n):
+        store(x, i, least(most(load(x, i), load(lower, i)), load(upper, i)))
     return definite
 
 
@@ -89,8 +87,8 @@ def _solve_free(H, c, lower, upper, A, side, x):
 
 
 @bare_kernel
-def _pivot(H, c, lower, upper, side, x):
-    """Move what contradicts the guess: see `box_qp`. Returns a mask of the lanes in which something moved."""
+def _pivot(H, c, lower, upper, side, x, one):
+    """Move what contradicts the guess, or the first of it: see `box_qp`. A mask of the lanes where something moved."""
     n = len(c)
     moved = load(c, 0) < load(c, 0)  # nowhere
     for i in range(n):
@@ -99,29 +97,14 @@ def _pivot(H, c, lower, upper, side, x):
         now = select(free & (xi < low), -1.0, select(free & (xi > high), 1.0, s))
         if any_lane(~free):
             slope = load(c, i)
-            scale = size(load(c, i))
+            scale = size(slope)
             for j in range(n):
                 term = load2(H, i, j) * load(x, j)
                 slope = slope + term
                 scale = scale + size(term)
             now = select((low < high) & (s * slope > 1e-13 * scale), 0.0, now)
+        if one:
+            now = select(moved, s, now)
         moved = moved | (now != s)
         store(side, i, now)
     return moved
-
-
-@bare_kernel
-def _solve_alone(H, c, lower, upper, lane, alone, x):
-    """The QP of one lane along a feasible path."""
-    n = len(c)
-    H1, A1 = alone[: n * n].reshape(n, n), alone[n * n : 2 * n * n].reshape(n, n)
-    vectors = alone[2 * n * n : 2 * n * n + 7 * n].reshape(7, n)
-    c1, lower1, upper1, x1, y = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
-    free, side = vectors[5].view(np.int64), vectors[6].view(np.int64)
-    for i in range(n):
-        for j in range(n):
-            H1[i, j] = H[i, j, lane]
-        c1[i], lower1[i], upper1[i], x1[i] = c[i, lane], lower[i, lane], upper[i, lane], x[i, lane]
-    solve_along_feasible_path(H1, c1, lower1, upper1, A1, free, side, y, x1)
-    for i in range(n):
-        x[i, lane] = x1[i]

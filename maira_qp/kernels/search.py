@@ -52,8 +52,8 @@ SERVES, MAKES = 0, 1
 
 
 def memory_sizes(n, attempts):
-    """How many numbers `search` and `search_one` need as `floats` and as `integers`, for a chain of n joints."""
-    return 12 + 2 * lanes_memory(n) + n + LANES * (3 + n), 1 + LANES * (2 + SLOT + LANES + attempts)
+    """How many numbers `search` needs as `floats` and as `integers`, for a chain of n joints."""
+    return lanes_memory(n) + n + LANES * (3 + n), LANES * (2 + SLOT + LANES + attempts)
 
 
 @bare_kernel
@@ -84,9 +84,7 @@ def search(
     A target with NaN costs only itself: it is left at q = 0, or as near as the limits allow, with errors of NaN.
     """
     n, attempts = len(chain) - 1, last - first + 1
-    memory = lanes_memory(n)
-    lanes, work = make_lanes(n, floats), make_lanes(n, floats[memory:])
-    floats = floats[2 * memory :]
+    lanes, floats = make_lanes(n, floats), floats[lanes_memory(n) :]
     q0 = floats[:n]
     # of each slot: cost, squared errors and q; its starts in the library; the iterations of every attempt
     found = floats[n : n + (3 + n) * LANES].reshape(LANES, 3 + n)
@@ -109,7 +107,7 @@ def search(
                     while opened < len(targets) and (slot == NOBODY or slots[slot, RUNNING] > 0):
                         if _is_finite(targets, opened):
                             slot = _open(slots, found, opened, first, last)
-                            find_nearest(settings, features, targets[opened], work.q, nearest[slot])
+                            find_nearest(settings, features, targets[opened], lanes.e, nearest[slot])
                         else:
                             _refuse(chain, opened, q, outcome)
                         opened += 1
@@ -125,7 +123,7 @@ def search(
                         else:
                             state = state_of(streams[k], attempt)
                             random_start(
-                                chain, settings, targets[k], candidates, attempt % CORNER == 1, state, work, q0
+                                chain, settings, targets[k], candidates, attempt % CORNER == 1, state, lanes, q0
                             )
                         begin(lanes.state, lanes.q, lanes.target, lane, q0, targets[k])
                         lane_of[lane, SERVES], lane_of[lane, MAKES] = slot, attempt
@@ -244,33 +242,15 @@ def _is_outside(chain, rows, k):
 
 
 @bare_kernel
-def search_one(chain, settings, library, features, candidates, T, within, q0, seed, last, floats, integers, q, outcome):
-    """`search` for one target T (4, 4), from q0 (n,) or (0,), under a seed (2,): q (1, n) and outcome (1, 7).
+def admit(T, within, q0, seed, row, stream):
+    """A target T (4, 4) as a row (1, 12), and its stream (1,) under a seed (2,), for a search from q0 (n,) or (0,).
 
-    Returns what is wrong with the target, see `rigid`, or `FAR_START`; then nothing is searched.
+    Returns what is wrong with the target, see `rigid`, or `FAR_START`.
     """
-    row, streams = floats[:12], integers[:1].view(np.uint64)
-    fault = pose_row(T, within, row)
+    fault = pose_row(T, within, row[0])
     for i in range(len(q0)):
         if not abs(q0[i]) <= FARTHEST_START:
             fault = FAR_START
     if fault == FINE:
-        streams[0] = stream_of(row, seed)
-        search(
-            chain,
-            settings,
-            library,
-            features,
-            candidates,
-            seed[0] != 0 or seed[1] != 0,
-            row.reshape(1, 12),
-            q0.reshape(len(q0) // (len(chain) - 1), len(chain) - 1),
-            streams,
-            0,
-            last,
-            floats[12:],
-            integers[1:],
-            q,
-            outcome,
-        )
+        stream[0] = stream_of(row[0], seed)
     return fault

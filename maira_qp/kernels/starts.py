@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numba import uint64
 
-from maira_qp.kernels.chain import START_LOWER, START_UPPER, forward
-from maira_qp.kernels.compilation import bare_kernel, kernel
+from maira_qp.kernels.chain import START_LOWER, START_UPPER
+from maira_qp.kernels.compilation import bare_kernel
 from maira_qp.kernels.descent import ORIENTATION_WEIGHT, POSITION_WEIGHT, pose_cost
 from maira_qp.kernels.lanes import LANES, full, load2, select, store
 from maira_qp.kernels.random_numbers import next_random
@@ -24,33 +24,32 @@ FEATURES = 13
 """Numbers kept of a pose: R and p, weighted so that half a squared distance is near the pose cost, and their square."""
 
 
-@kernel
-def fill_library(chain, settings, q, features):
-    """Features (K / LANES, FEATURES, LANES) of the tool poses at the configurations q (K, n)."""
-    n = q.shape[1]
-    axes, origins, tool = np.empty((n, 3)), np.empty((n, 3)), np.empty(12)
-    for k in range(len(q)):
-        forward(chain, q[k], axes, origins, tool)
-        block, lane, square = k // LANES, k % LANES, 0.0
+@bare_kernel
+def fill_library(settings, poses, features):
+    """Features (K / LANES, FEATURES, LANES) of tool poses (K, 12)."""
+    turn, place = _pose_weights(settings)
+    for k in range(len(poses)):
+        square = 0.0
         for i in range(12):
-            features[block, i, lane] = _feature(settings, tool, i)
-            square += features[block, i, lane] ** 2
-        features[block, 12, lane] = square
+            feature = poses[k, i] * (turn if i < 9 else place)
+            features[k // LANES, i, k % LANES] = feature
+            square += feature * feature
+        features[k // LANES, 12, k % LANES] = square
 
 
 @bare_kernel
-def _feature(settings, pose, i):
-    """Entry i of a pose, weighted: |R - R_d|^2 is twice the squared angle between the two where that is small."""
-    return pose[i] * (settings[ORIENTATION_WEIGHT] * np.sqrt(0.5) if i < 9 else settings[POSITION_WEIGHT])
+def _pose_weights(settings):
+    """Of the entries of R and of p: |R - R_d|^2 is twice the squared angle between the two where that is small."""
+    return settings[ORIENTATION_WEIGHT] * np.sqrt(0.5), settings[POSITION_WEIGHT]
 
 
 @bare_kernel
 def find_nearest(settings, features, target, work, nearest):
     """Indices of the library's configurations to start from, into `nearest` (LANES,); `work` is (2, LANES)."""
-    t0, t1, t2 = _feature(settings, target, 0), _feature(settings, target, 1), _feature(settings, target, 2)
-    t3, t4, t5 = _feature(settings, target, 3), _feature(settings, target, 4), _feature(settings, target, 5)
-    t6, t7, t8 = _feature(settings, target, 6), _feature(settings, target, 7), _feature(settings, target, 8)
-    t9, t10, t11 = _feature(settings, target, 9), _feature(settings, target, 10), _feature(settings, target, 11)
+    turn, place = _pose_weights(settings)
+    t0, t1, t2, t3 = turn * target[0], turn * target[1], turn * target[2], turn * target[3]
+    t4, t5, t6, t7 = turn * target[4], turn * target[5], turn * target[6], turn * target[7]
+    t8, t9, t10, t11 = turn * target[8], place * target[9], place * target[10], place * target[11]
     least, block = full(work, np.inf), full(work, 0.0)
     for k in range(len(features)):
         # four sums, of which none waits for another, of the product of the two poses
@@ -80,15 +79,15 @@ def state_of(stream, attempt):
 
 
 @bare_kernel
-def random_start(chain, settings, target, candidates, at_corner, state, work, best):
+def random_start(chain, settings, target, candidates, at_corner, state, lanes, best):
     """The best by cost of a few random configurations, into `best` (n,), or of a few with every joint on a limit.
 
-    `work` is a set of lanes to work in.
+    It works in what the lanes keep for themselves from one iteration to the next only in passing.
     """
     n, least = len(best), np.inf
     for i in range(12):
         for lane in range(LANES):
-            work.target[i, lane] = target[i]
+            lanes.goal[i, lane] = target[i]
     for first in range(0, candidates, LANES):
         for lane in range(LANES):
             for i in range(n):
@@ -97,11 +96,11 @@ def random_start(chain, settings, target, candidates, at_corner, state, work, be
                 if at_corner:
                     share = np.floor(share + 0.5)
                 low, high = chain[i, START_LOWER], chain[i, START_UPPER]
-                work.q[i, lane] = min(max((1.0 - share) * low + share * high, low), high)
-        cost = pose_cost(chain, settings, work.target, work.q, work.axes, work.origins, work.tool, work.e)
-        store(work.trial, 0, cost)
+                lanes.trial[i, lane] = min(max((1.0 - share) * low + share * high, low), high)
+        cost = pose_cost(chain, settings, lanes.goal, lanes.trial, lanes.axes, lanes.origins, lanes.tool, lanes.e)
+        store(lanes.dq, 0, cost)
         for lane in range(min(LANES, candidates - first)):
-            if work.trial[0, lane] < least or (first == 0 and lane == 0):
-                least = work.trial[0, lane]
+            if lanes.dq[0, lane] < least or (first == 0 and lane == 0):
+                least = lanes.dq[0, lane]
                 for i in range(n):
-                    best[i] = work.q[i, lane]
+                    best[i] = lanes.trial[i, lane]

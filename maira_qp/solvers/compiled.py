@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from maira_qp.kernels.lanes import LANES
-from maira_qp.kernels.search import FARTHEST_START, OUTCOME, memory_sizes, search, search_one
+from maira_qp.kernels.rigid import FINE
+from maira_qp.kernels.search import FARTHEST_START, OUTCOME, admit, memory_sizes, search
 from maira_qp.kernels.starts import FEATURES, fill_library
 from maira_qp.orientation import ORTHONORMAL_WITHIN
 from maira_qp.problem.tasks import FrameTask
@@ -24,6 +25,7 @@ from maira_qp.solvers import descent
 from maira_qp.solvers.descent import Budget, Descent
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.search import Search
+from maira_qp.solvers.targets import SEED_0, row_of
 
 CHUNK = 256
 """Targets of a batch that a thread solves at a stretch: between two of them Ctrl-C is heard."""
@@ -84,12 +86,10 @@ class Compiled:
         )
         chain, library = chain_of(robot), _library(robot)
         features = np.empty((LIBRARY // LANES, FEATURES, LANES))
-        fill_library(chain, settings, library, features)
+        fill_library(settings, np.array([row_of(robot.at(q).placement(None)) for q in library]), features)
         return Compiled(robot, chain, settings, library, features, options.start_candidates, options.max_restarts)
 
     def __post_init__(self) -> None:
-        floats, integers = memory_sizes(self.robot.n, self.last_attempt + 1)
-        object.__setattr__(self, "_sizes", (int(floats), int(integers)))
         object.__setattr__(self, "_no_start", np.empty(0))
         object.__setattr__(self, "_no_starts", np.empty((0, self.robot.n)))
 
@@ -98,25 +98,13 @@ class Compiled:
         return starts is None or bool(np.abs(starts).max(initial=0.0) <= FARTHEST_START)
 
     def search_one(self, T: np.ndarray, q0: np.ndarray | None, seed: np.ndarray) -> tuple[int, np.ndarray, list[float]]:
-        """What is wrong, see `kernels.search.search_one`; q (n,), outcome (7,) for a target T (4, 4) from q0 (n,)."""
+        """What is wrong, see `kernels.search.admit`; q (n,) and outcome (7,) for a target T (4, 4) from q0 (n,)."""
+        row, stream = np.empty((1, 12)), np.empty(1, np.uint64)
         q, outcome = np.empty((1, self.robot.n)), np.empty((1, OUTCOME))
-        floats, integers = self._sizes
-        fault = search_one(
-            self.chain,
-            self.settings,
-            self.library,
-            self.features,
-            self.candidates,
-            T,
-            ORTHONORMAL_WITHIN,
-            self._no_start if q0 is None else q0,
-            seed,
-            self.last_attempt,
-            np.empty(floats),
-            np.empty(integers, np.int64),
-            q,
-            outcome,
-        )
+        fault = admit(T, ORTHONORMAL_WITHIN, self._no_start if q0 is None else q0, seed, row, stream)
+        if fault == FINE:
+            starts = self._no_starts if q0 is None else q0.reshape(1, -1)
+            self._search(row, starts, stream, seed is not SEED_0 and bool(seed.any()), 0, self.last_attempt, q, outcome)
         return fault, q[0], outcome[0].tolist()
 
     def search(

@@ -31,7 +31,7 @@ from maira_qp.solvers.search import Search, nearest, search, stationarity
 from maira_qp.solvers.setting import Setting
 from maira_qp.solvers.settling import settle
 from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, active_limits, solution_of
-from maira_qp.solvers.targets import pose_of, row_of, rows_of, seed_words, streams
+from maira_qp.solvers.targets import SEED_0, pose_of, row_of, rows_of, seed_words, streams
 from maira_qp.solvers.tick import tick
 
 if TYPE_CHECKING:
@@ -41,8 +41,6 @@ FARTHEST = 1e9
 """Targets farther away than this many lengths of the arm are a mistake, and beyond the numbers."""
 
 Rng = np.random.Generator | int | None
-
-SEED_0 = seed_words(0)
 
 
 class Solver:

@@ -44,6 +44,9 @@ def seed_words(seed: int) -> np.ndarray:
     return np.array([seed % WORD, seed // WORD], dtype=np.uint64)
 
 
+SEED_0 = seed_words(0)
+
+
 def streams(rows: np.ndarray, words: np.ndarray) -> np.ndarray:
     """64 bits (N,) for each of the targets (N, 12) that begin its random stream: of the target and the
     seed's words (2,) alone."""
