@@ -17,14 +17,15 @@ from maira_qp.kernels.lanes import any_lane, full, least, load, load2, most, sel
 def solve_box_qps(H, c, lower, upper, A, side, x):
     """Minimise `1/2 x^T H x + c^T x` over `lower <= x <= upper` in each lane, into x (n,).
 
-    Work: A (n, n) and side (n,). Returns a mask of the lanes whose matrix is positive definite. Where rounding keeps a
-    lane from settling, its x is inside the box, near the minimum.
+    Work: A (n, n) and side (n,). Returns a mask of the lanes whose matrix is positive definite. Where a lane does not
+    settle in time, by rounding or, with twenty variables and a slope that no Jacobian makes, by chance, its x is inside
+    the box and need not be the minimum.
     """
     n = len(c)
     _guess(c, lower, upper, side)
     definite = load(c, 0) == load(c, 0)  # everywhere, but for NaN
     for turn in range(BLOCK_PASSES + 8 * n + 20):
-        definite = _solve_free(H, c, lower, upper, A, side, x)
+        definite = definite & _solve_free(H, c, lower, upper, A, side, x)
         moved = _pivot(H, c, lower, upper, side, x, turn >= BLOCK_PASSES)
         if not any_lane(moved & definite):
             return definite

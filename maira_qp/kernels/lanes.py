@@ -68,7 +68,7 @@ def _arithmetic(kind: types.Type) -> bool:
 def _operator(symbol: Callable, result: types.Type, emit: Callable) -> None:
     """An operator of two values of which at least one has lanes; the other may be a number."""
 
-    @infer_global(symbol)
+    @infer_global(symbol)  # type: ignore[misc]
     class _Typing(AbstractTemplate):
         def generic(self, args: tuple, kws: dict) -> Any:
             if len(args) == 2 and values in args and all(map(_arithmetic, args)):
@@ -83,7 +83,7 @@ def _operator(symbol: Callable, result: types.Type, emit: Callable) -> None:
 
 
 def _mask_operator(symbol: Callable, count: int, emit: Callable) -> None:
-    @infer_global(symbol)
+    @infer_global(symbol)  # type: ignore[misc]
     class _Typing(AbstractTemplate):
         def generic(self, args: tuple, kws: dict) -> Any:
             return signature(mask, *args) if args == (mask,) * count else None
@@ -106,7 +106,7 @@ _mask_operator(operator.or_, 2, lambda builder, a, b: builder.or_(a, b))
 _mask_operator(operator.invert, 1, lambda builder, a: builder.not_(a))
 
 
-@infer_global(operator.neg)
+@infer_global(operator.neg)  # type: ignore[misc]
 class _Negation(AbstractTemplate):
     def generic(self, args: tuple, kws: dict) -> Any:
         return signature(values, values) if args == (values,) else None

@@ -87,17 +87,23 @@ class LimitDistance(Objective):
         weights = np.where(counts, 1.0 / (robot.n * np.where(counts, extent, 1.0) ** 2), 0.0)
         return LimitDistance(Posture(robot.middle, weights).of(robot))
 
+    @property
+    def as_posture(self) -> Posture:
+        """The posture that it is, once made for a robot."""
+        assert self._posture is not None
+        return self._posture
+
     def cost(self, at: Configuration) -> float:
         """Half of the mean squared distance from the middle, in ranges (no unit)."""
-        return self._posture.cost(at)  # type: ignore[union-attr]
+        return self.as_posture.cost(at)
 
     def gradient(self, at: Configuration) -> np.ndarray:
         """Gradient (n,) [1/rad or 1/m]."""
-        return self._posture.gradient(at)  # type: ignore[union-attr]
+        return self.as_posture.gradient(at)
 
     def hessian(self, at: Configuration) -> np.ndarray:
         """Diagonal (n, n)."""
-        return self._posture.hessian(at)  # type: ignore[union-attr]
+        return self.as_posture.hessian(at)
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,17 @@ import numpy as np
 from maira_qp.kernels.lanes import LANES
 from maira_qp.kernels.rigid import FINE
 from maira_qp.kernels.search import FARTHEST_START, OUTCOME, admit, memory_sizes, search
+from maira_qp.kernels.settling import OUTCOME as SETTLED
+from maira_qp.kernels.settling import settle_batch
 from maira_qp.kernels.starts import FEATURES, fill_library
+from maira_qp.kernels.tick import KIND, NONE, STRICT, WEIGHT, WEIGHTED
 from maira_qp.orientation import ORTHONORMAL_WITHIN
+from maira_qp.problem.objectives import LimitDistance, Posture
+from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks import FrameTask
 from maira_qp.robots.robot import Robot
 from maira_qp.robots.serial_chain import chain_of
-from maira_qp.solvers import descent
+from maira_qp.solvers import descent, settling
 from maira_qp.solvers.descent import Budget, Descent
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.search import Search
@@ -54,9 +59,19 @@ class Compiled:
     candidates: int
     """Random configurations of which a start is the best"""
     last_attempt: int
+    redundancy: np.ndarray | None
+    """(2 + 2 n,) kind, weight, reference and weights of a posture, see `maira_qp.kernels.tick`; None: another wish"""
+    settling: np.ndarray
+    """(7,) see `maira_qp.kernels.settling`"""
 
     @staticmethod
-    def of(robot: Robot, tasks: Sequence[FrameTask], extra_limits: int, options: Options) -> Compiled | str:
+    def of(
+        robot: Robot,
+        tasks: Sequence[FrameTask],
+        extra_limits: int,
+        redundancy: Weighted | Strict | None,
+        options: Options,
+    ) -> Compiled | str:
         """The problem's arrays, or the reason why the compiled engine cannot take it."""
         if len(tasks) > 1:
             return "it has more than one task"
@@ -84,10 +99,31 @@ class Compiled:
                 descent.LEAST_DAMPING,
             ]
         )
+        constants = np.array(
+            [
+                options.max_settling,
+                options.stationarity_tolerance,
+                settling.FIRST_RADIUS,
+                settling.LEAST_RADIUS,
+                settling.RESTORING,
+                settling.RESTORED,
+                settling.RESOLUTION,
+            ]
+        )
         chain, library = chain_of(robot), _library(robot)
         features = np.empty((LIBRARY // LANES, FEATURES, LANES))
         fill_library(settings, np.array([row_of(robot.at(q).placement(None)) for q in library]), features)
-        return Compiled(robot, chain, settings, library, features, options.start_candidates, options.max_restarts)
+        return Compiled(
+            robot,
+            chain,
+            settings,
+            library,
+            features,
+            options.start_candidates,
+            options.max_restarts,
+            _posture(robot, redundancy),
+            constants,
+        )
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_no_start", np.empty(0))
@@ -97,15 +133,38 @@ class Compiled:
         """Whether the kernels can begin there, at (n,) or (N, n): a continuous joint may have wound up too far."""
         return starts is None or bool(np.abs(starts).max(initial=0.0) <= FARTHEST_START)
 
-    def search_one(self, T: np.ndarray, q0: np.ndarray | None, seed: np.ndarray) -> tuple[int, np.ndarray, list[float]]:
-        """What is wrong, see `kernels.search.admit`; q (n,) and outcome (7,) for a target T (4, 4) from q0 (n,)."""
+    @property
+    def settles(self) -> bool:
+        """There is a redundancy, and the kernels know it."""
+        return self.redundancy is not None and self.redundancy[KIND] != NONE
+
+    def solve(
+        self, T: np.ndarray, q0: np.ndarray | None, seed: np.ndarray
+    ) -> tuple[int, np.ndarray, list[float], list[float]]:
+        """What is wrong, see `kernels.search.admit`; q (n,), outcome (7,) for a target T (4, 4) from q0 (n,).
+
+        If the pose was reached and the kernels know the redundancy, q is where it was settled, and there is a second
+        outcome (6,), see `kernels.settling.settle`.
+        """
         row, stream = np.empty((1, 12)), np.empty(1, np.uint64)
         q, outcome = np.empty((1, self.robot.n)), np.empty((1, OUTCOME))
+        settled = np.empty((0, SETTLED))
         fault = admit(T, ORTHONORMAL_WITHIN, self._no_start if q0 is None else q0, seed, row, stream)
         if fault == FINE:
             starts = self._no_starts if q0 is None else q0.reshape(1, -1)
-            self._search(row, starts, stream, seed is not SEED_0 and bool(seed.any()), 0, self.last_attempt, q, outcome)
-        return fault, q[0], outcome[0].tolist()
+            shuffled = seed is not SEED_0 and bool(seed.any())
+            self._search(row, starts, stream, shuffled, 0, self.last_attempt, q, outcome)
+            if self.settles and outcome[0, 0] > 0.0:
+                settled = np.empty((1, SETTLED))
+                self._settle(row, q, settled)
+        return fault, q[0], outcome[0].tolist(), settled.ravel().tolist()
+
+    def _settle(self, rows: np.ndarray, q: np.ndarray, settled: np.ndarray) -> None:
+        """Settle the redundancy at the configurations q (N, n), in place, that reach the targets (N, 12)."""
+        n, own = self.robot.n, self.redundancy
+        assert own is not None
+        weight = own[WEIGHT] if own[KIND] == WEIGHTED else 0.0
+        settle_batch(self.chain, self.settings, rows, own[2 : 2 + n], own[2 + n :], weight, self.settling, q, settled)
 
     def search(
         self, row: np.ndarray, q0: np.ndarray | None, stream: np.ndarray, shuffled: bool, budget: Budget
@@ -138,15 +197,21 @@ class Compiled:
         shuffled: bool,
         threads: int | None,
         progress: Progress | None,
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """q (N, n), outcomes (N, 7) of `maira_qp.kernels.search`, of targets (N, 12) from starts (N, n) or None."""
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q (N, n), outcomes (N, 7), second outcomes (N, 6) or (0, 6), as of `solve`.
+
+        The targets are (N, 12), the starts (N, n) or None.
+        """
         count = len(rows)
         q, outcome = np.empty((count, self.robot.n)), np.empty((count, OUTCOME))
+        settled = np.empty((count if self.settles else 0, SETTLED))
 
         def run(first: int) -> int:
             part = slice(first, first + CHUNK)
             begin = self._no_starts if starts is None else starts[part]
             self._search(rows[part], begin, streams[part], shuffled, 0, self.last_attempt, q[part], outcome[part])
+            if self.settles:
+                self._settle(rows[part], q[part], settled[part])
             return min(first + CHUNK, count)
 
         threads = min(threads or os.cpu_count() or 1, -(-count // CHUNK))
@@ -155,7 +220,7 @@ class Compiled:
                 done = run(first)
                 if progress is not None:
                     progress(done, count)
-            return q, outcome
+            return q, outcome, settled
         pool = ThreadPoolExecutor(threads)
         try:
             for done in pool.map(run, range(0, count, CHUNK)):
@@ -163,7 +228,7 @@ class Compiled:
                     progress(done, count)
         finally:
             pool.shutdown(cancel_futures=True)  # Ctrl-C waits for the chunks under way, not for the rest
-        return q, outcome
+        return q, outcome, settled
 
     def _search(
         self,
@@ -194,6 +259,19 @@ class Compiled:
             q,
             outcome,
         )
+
+
+def _posture(robot: Robot, redundancy: Weighted | Strict | None) -> np.ndarray | None:
+    """What `Compiled.redundancy` holds of a redundancy that was made for the robot."""
+    kind, weight, posture = NONE, 0.0, Posture().of(robot)
+    if redundancy is not None:
+        objectives = redundancy.objectives if isinstance(redundancy, Strict) else (redundancy.objective,)
+        objective = objectives[0]
+        if len(objectives) > 1 or not isinstance(objective, (Posture, LimitDistance)):
+            return None
+        kind, weight = (STRICT, 0.0) if isinstance(redundancy, Strict) else (WEIGHTED, redundancy.weight)
+        posture = objective if isinstance(objective, Posture) else objective.as_posture
+    return np.concatenate([[kind, weight], posture.q_ref, posture.weights])
 
 
 def _library(robot: Robot) -> np.ndarray:

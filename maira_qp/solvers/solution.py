@@ -46,8 +46,8 @@ class _OfRobot:
     """Values that are computed when they are first asked for. A pickle holds them in place of the robot."""
 
     def __getstate__(self) -> dict[str, Any]:
-        self.condition_number, self.active_limits  # noqa: B018  (each keeps what it finds in __dict__)
-        return {**self.__dict__, "_robot": None}
+        own = {"condition_number": self.condition_number, "active_limits": self.active_limits}
+        return {**self.__dict__, **own, "_robot": None}
 
     condition_number: Any
     active_limits: Any
@@ -213,6 +213,19 @@ class BatchSolution(_OfRobot):
         self.position_error[:], self.orientation_error[:] = outcome[:, 4], outcome[:, 5]
         self.iterations[:], self.restarts[:] = outcome[:, 2], outcome[:, 1]
         self.start_projected[:] = outcome[:, 6] > 0
+
+    def put_settled(self, settled: np.ndarray, tolerance: float) -> None:
+        """What settling the redundancy added to `put_search`: its outcomes (N, 6), those of what was reached."""
+        at = np.flatnonzero(self.success)
+        reached, iterations, gradient, cost, position, orientation = settled[at].T
+        optimal = gradient <= tolerance
+        self.success[at], self.optimal[at] = reached > 0, optimal
+        self.status[at] = np.where(
+            reached > 0, Status.CONVERGED, np.where(optimal, Status.NEAREST, Status.BUDGET_SPENT)
+        )
+        self.position_error[at], self.orientation_error[at] = position, orientation
+        self.iterations[at] += iterations.astype(np.int64)
+        self.cost[at], self.projected_gradient[at] = cost, gradient
 
     def __len__(self) -> int:
         return len(self.q)

@@ -95,7 +95,7 @@ class Solver:
         from maira_qp.solvers.compiled import Compiled  # heavy: Numba comes with it
 
         options = options or Options()
-        self._compiled = _compiled(backend, Compiled.of(robot, self.tasks, len(limits), options))
+        self._compiled = _compiled(backend, Compiled.of(robot, self.tasks, len(limits), self.redundancy, options))
         if not isinstance(backend, Backend):
             backend = Backend("daqp" if backend in (None, "compiled") else backend)
         self._setting = Setting(robot, (*own, *limits), backend, options)
@@ -143,26 +143,32 @@ class Solver:
         T = np.ascontiguousarray(target.homogeneous) if isinstance(target, pin.SE3) else target
         if not is_native(T, (4, 4)):
             T = np.ascontiguousarray(self._target(target).homogeneous)  # or an error that says what it is
-        fault, q, outcome = engine.search_one(T, start, seed)
+        fault, q, outcome, settled = engine.solve(T, start, seed)
         if fault:  # said in words, or for the general engine
             return self._solve(self._target(target), self._start(start), seed)
-        if outcome[0] > 0.0 and self.redundancy is None:
-            return solution_of(
-                q=q,
-                success=True,
-                status=Status.CONVERGED,
-                position_error=outcome[4],
-                orientation_error=outcome[5],
-                iterations=int(outcome[2]),
-                restarts=int(outcome[1]),
-                cost=math.nan,
-                projected_gradient=math.nan,
-                optimal=True,
-                start_projected=outcome[6] > 0.0,
-                backend="compiled",
-                _robot=self.robot,
-            )
-        return self._finish_compiled(q, outcome, self._target(target))
+        found, _, spent, _, position, orientation, moved = outcome
+        reached = optimal = found > 0.0
+        gradient = cost = math.nan
+        if settled:
+            found, more, gradient, cost, position, orientation = settled
+            reached, spent, optimal = found > 0.0, spent + more, gradient <= self.options.stationarity_tolerance
+        if not optimal or (self.redundancy is not None and not settled):
+            return self._finish_compiled(q, outcome, self._target(target))
+        return solution_of(
+            q=q,
+            success=reached,
+            status=Status.CONVERGED if reached else Status.NEAREST,
+            position_error=position,
+            orientation_error=orientation,
+            iterations=int(spent),
+            restarts=int(outcome[1]),
+            cost=cost,
+            projected_gradient=gradient,
+            optimal=True,
+            start_projected=moved > 0.0,
+            backend="compiled",
+            _robot=self.robot,
+        )
 
     def solve_batch(
         self,
@@ -205,9 +211,12 @@ class Solver:
                 if progress is not None:
                     progress(i + 1, len(rows))
             return batch
-        q, outcome = engine.search_batch(rows, starts, streams(rows, words), bool(words.any()), threads, progress)
+        shuffled = bool(words.any())
+        q, outcome, settled = engine.search_batch(rows, starts, streams(rows, words), shuffled, threads, progress)
         batch.put_search(q, outcome)
-        left = finite if self.redundancy is not None else finite & ~batch.success
+        if engine.settles:
+            batch.put_settled(settled, self.options.stationarity_tolerance)
+        left = finite & ~batch.optimal if self.redundancy is None or engine.settles else finite
         for i in map(int, np.flatnonzero(left)):
             batch.put(i, self._finish_compiled(q[i], outcome[i].tolist(), pose_of(rows[i])))
         return batch

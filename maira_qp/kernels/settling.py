@@ -1,0 +1,295 @@
+"""Settle the redundancy once the pose is reached: the compiled form of `maira_qp.solvers.settling`.
+
+For one objective `1/2 sum_i w_i (q_i - ref_i)^2` (`Posture`, `LimitDistance`). The walk is the same, and is explained
+there: a Newton step in the null space of the pose, with the Lagrangian's Hessian, inside the limits and a trust region;
+back onto the pose; the step counts if the objective fell. It differs in one thing: on the way a step brings the arm
+back only so far that what is left is small against the step's own error, and all the way at the end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from maira_qp.kernels.chain import LOWER, UPPER, jacobian
+from maira_qp.kernels.compilation import bare_kernel, kernel
+from maira_qp.kernels.descent import ORIENTATION_WEIGHT, POSITION_WEIGHT, is_reached, pose_cost
+from maira_qp.kernels.null_space import balance, null_vector
+from maira_qp.kernels.objective import objective_cost
+from maira_qp.kernels.pose_hessian import add_curvature, weigh
+from maira_qp.kernels.positive_part import make_positive
+from maira_qp.kernels.restoration import factor_rows, restore
+from maira_qp.kernels.row_qp import solve_row_qp
+from maira_qp.kernels.trade_off import GRADIENT_SCALE, trade_off
+from maira_qp.kernels.workspace import make_workspace
+
+# the entries of `settling`
+MAX_SETTLING, STATIONARITY_TOLERANCE = 0, 1
+FIRST_RADIUS, LEAST_RADIUS, RESTORING, RESTORED, RESOLUTION = 2, 3, 4, 5, 6
+SETTLING = 7
+
+# the entries of `outcome`
+REACHED, ITERATIONS, PROJECTED_GRADIENT, OBJECTIVE, POSITION_ERROR, ORIENTATION_ERROR = 0, 1, 2, 3, 4, 5
+OUTCOME = 6
+
+NEAR_ENOUGH = 0.1
+"""On the way the weighted pose error may be this share of the step's square [1/rad]."""
+
+NO_PART = 1e-11
+"""A joint with a smaller entry in a basis vector takes no part, and must not feel its limit."""
+
+MULTIPLIER_THRESHOLD = 1e-6
+"""Pivots below this share of the first make no multipliers: near a singularity they would be without bound."""
+
+ON_LIMIT = 1e-12
+"""A step that ends as near to a limit [rad or m] ends on it."""
+
+
+@kernel
+def settle(chain, settings, target, reference, weights, weight, settling, q, outcome):
+    """From a configuration q (n,) that reaches the pose to the optimum of the redundancy near it, in place.
+
+    `weight` 0 is `Strict`, any other that of `Weighted`. q stays inside the limits to the bit. `outcome` (6,) becomes
+    [reached, iterations, projected gradient, objective, position error, orientation error], by a fresh evaluation of q;
+    where q does not reach the pose to begin with, it is left as it is, with an infinite gradient.
+    """
+    _settle(chain, settings, target, reference, weights, weight, settling, make_workspace(len(q)), q, outcome)
+
+
+@kernel
+def settle_batch(chain, settings, targets, reference, weights, weight, settling, q, outcome):
+    """`settle` for each of `targets` (N, 12) from q (N, n), in place: outcome (N, 6). What is not reached is left."""
+    work = make_workspace(q.shape[1])
+    for k in range(len(q)):
+        _settle(chain, settings, targets[k], reference, weights, weight, settling, work, q[k], outcome[k])
+
+
+@bare_kernel
+def _settle(chain, settings, target, reference, weights, weight, settling, work, q, outcome):
+    e, spent, left = work.e, 0, np.inf
+    pose_cost(chain, settings, target, q, work.axes, work.origins, work.tool, e)
+    if is_reached(settings, e):
+        spent, left = walk(chain, settings, target, reference, weights, settling, work, q)
+        if weight > 0.0:
+            tolerance = settling[STATIONARITY_TOLERANCE] * min(1.0, weight)
+            most = settling[MAX_SETTLING]
+            steps, left = trade_off(chain, settings, target, reference, weights, weight, tolerance, most, work, q)
+            spent += steps
+    position, orientation = np.sqrt(e[0] ** 2 + e[1] ** 2 + e[2] ** 2), np.sqrt(e[3] ** 2 + e[4] ** 2 + e[5] ** 2)
+    outcome[REACHED], outcome[ITERATIONS], outcome[PROJECTED_GRADIENT] = is_reached(settings, e), spent, left
+    outcome[OBJECTIVE] = objective_cost(q, reference, weights)
+    outcome[POSITION_ERROR] = position if settings[POSITION_WEIGHT] > 0.0 else 0.0
+    outcome[ORIENTATION_ERROR] = orientation if settings[ORIENTATION_WEIGHT] > 0.0 else 0.0
+
+
+@bare_kernel
+def walk(chain, settings, target, reference, weights, settling, work, q):
+    """Along the self-motion from q (n,), in place, to where the objective is stationary.
+
+    `work` holds the kinematics of q before and after. Returns the iterations spent and the projected gradient.
+    """
+    axes, origins, tool, e, before = work.axes, work.origins, work.tool, work.e, work.before
+    ahead, safe, locked = work.ahead, work.safe, work.locked
+    n, tolerance, restored, most = len(q), settling[STATIONARITY_TOLERANCE], settling[RESTORED], settling[RESTORING]
+    for i in range(n):
+        safe[i] = q[i]
+        locked[i] = not chain[i, LOWER] < chain[i, UPPER]
+    cost = pose_cost(chain, settings, target, q, axes, origins, tool, e)
+    value, radius, spent = objective_cost(q, reference, weights), settling[FIRST_RADIUS], 0
+    arrived, refused, near = cost <= restored, False, NEAR_ENOUGH
+    k, left = _projected_gradient(chain, settings, reference, weights, work, q)
+    for _ in range(int(settling[MAX_SETTLING])):
+        if left <= tolerance and arrived:
+            break
+        if (left <= tolerance or refused) and not arrived:
+            cost, steps = restore(chain, settings, target, cost, restored, most, work, q)
+            spent += steps
+            if is_reached(settings, e):
+                for i in range(n):
+                    safe[i] = q[i]
+            else:
+                for i in range(n):
+                    q[i] = safe[i]
+                radius, refused = settling[FIRST_RADIUS], True
+                cost = pose_cost(chain, settings, target, q, axes, origins, tool, e)
+            value, arrived, near = objective_cost(q, reference, weights), True, 0.0 if refused else near
+            refused = False
+            k, left = _projected_gradient(chain, settings, reference, weights, work, q)
+            continue
+        longest = _step(chain, settings, weights, k, radius, work, q)
+        if not longest > 0.0:
+            break
+        for row in range(6):
+            before[row] = e[row]
+        enough = max(restored, 0.5 * (near * longest * longest) ** 2)
+        ahead_cost = pose_cost(chain, settings, target, ahead, axes, origins, tool, e)
+        ahead_cost, steps = restore(chain, settings, target, ahead_cost, enough, most, work, ahead)
+        spent += 1 + steps
+        ahead_value = objective_cost(ahead, reference, weights)
+        regained, largest = _regained(settings, work)
+        gain, ahead_left = value - ahead_value + regained, np.inf
+        clear = settling[RESOLUTION] * (1.0 + abs(value) + largest)
+        if gain >= -clear and (ahead_cost <= enough or is_reached(settings, e)):
+            k, ahead_left = _projected_gradient(chain, settings, reference, weights, work, ahead)
+        refused = not (ahead_left < left or (gain > clear and ahead_left < np.inf))
+        if not refused:
+            cost, value, left, arrived = ahead_cost, ahead_value, ahead_left, ahead_cost <= restored
+            radius = 2.0 * radius if longest > 0.9 * radius else radius
+            for i in range(n):
+                q[i] = ahead[i]
+                safe[i] = q[i] if arrived else safe[i]
+        else:
+            radius = 0.25 * min(radius, longest) if arrived else radius
+            pose_cost(chain, settings, target, q, axes, origins, tool, e)
+            k, left = _projected_gradient(chain, settings, reference, weights, work, q)
+            if radius < settling[LEAST_RADIUS]:
+                break
+    if not arrived:
+        _, steps = restore(chain, settings, target, cost, restored, most, work, q)
+        spent += steps
+        if not is_reached(settings, e):
+            for i in range(n):
+                q[i] = safe[i]
+            pose_cost(chain, settings, target, q, axes, origins, tool, e)
+        _, left = _projected_gradient(chain, settings, reference, weights, work, q)
+    return spent, left
+
+
+@bare_kernel
+def _projected_gradient(chain, settings, reference, weights, work, q):
+    """The largest entry of the objective's gradient that the limits and the pose leave free, at q (n,).
+
+    The compiled form of `maira_qp.problem.hierarchy.projected_gradient`. Leaves the factored rows of the task, the
+    basis Z (n, k) of their null space, the gradient g (n,) and c = Z^T g behind, and returns k too.
+    """
+    J, At, tau, order, joints, x = work.J, work.At, work.tau, work.order, work.joints, work.x
+    Z, M, g, c, z, lower, upper, dq = work.Z, work.M, work.g, work.c, work.z, work.lower, work.upper, work.dq
+    axes, origins, tool, locked, memory, index = (
+        work.axes,
+        work.origins,
+        work.tool,
+        work.locked,
+        work.memory,
+        work.index,
+    )
+    n = len(q)
+    jacobian(chain, axes, origins, tool, J)
+    count, rank = factor_rows(settings, J, locked, At, tau, order, joints)
+    k = count - rank
+    for i in range(n):
+        g[i] = weights[i] * (q[i] - reference[i])
+        lower[i], upper[i] = chain[i, LOWER] - q[i], chain[i, UPPER] - q[i]
+    null_basis(At, tau, joints, count, rank, g, x, Z, c)
+    for b in range(k):
+        for a in range(k):
+            M[a, b] = 1.0 / GRADIENT_SCALE if a == b else 0.0
+    left = 0.0 if solve_row_qp(M, c, k, Z, lower, upper, memory, index, z, dq) else np.inf
+    for i in range(n):
+        left = max(left, abs(dq[i]))
+    return k, left / GRADIENT_SCALE
+
+
+@bare_kernel
+def null_basis(At, tau, joints, count, rank, g, x, Z, c):
+    """Basis Z (n, k) of the null space of the factored rows, and `c = Z^T g` (k,); k = count - rank. Work: x (n,)."""
+    for b in range(count - rank):
+        null_vector(At, count, rank, tau, b, x)
+        for i in range(len(g)):
+            Z[i, b] = 0.0
+        s = 0.0
+        for a in range(count):
+            part = x[a] if abs(x[a]) >= NO_PART else 0.0
+            Z[joints[a], b] = part
+            s += part * g[joints[a]]
+        c[b] = s
+
+
+@bare_kernel
+def _step(chain, settings, weights, k, radius, work, q):
+    """To the optimum of the model within the trust region, into work.ahead (n,): the longest displacement of a joint.
+
+    The multipliers depend on which limits hold the arm, and these on the step: it is taken twice where they differ.
+    Where the model had to be made convex, and the arm stays on limits, the second step is one within those: there the
+    model may be convex as it is, and then the walk converges quadratically.
+    """
+    J, At, tau, order, joints, locked, held = work.J, work.At, work.tau, work.order, work.joints, work.locked, work.held
+    multipliers, weighted, x, g, c, ahead = work.multipliers, work.weighted, work.x, work.g, work.c, work.ahead
+    lower, upper, H, M, Z, A, V = work.lower, work.upper, work.H, work.M, work.Z, work.A, work.V
+    memory, index, z, dq = work.memory, work.index, work.z, work.dq
+    n, count, longest, differ = len(q), 0, 0.0, False
+    for i in range(n):
+        count += not locked[i]
+        held[i] = q[i] <= chain[i, LOWER] or q[i] >= chain[i, UPPER]
+        differ = differ or held[i] != locked[i]
+        lower[i] = min(max(chain[i, LOWER] - q[i], -radius), 0.0)
+        upper[i] = min(max(chain[i, UPPER] - q[i], 0.0), radius)
+    rank, within = count - k, False  # of the rows as `_projected_gradient` factored them
+    for _ in range(2):
+        if differ or within:
+            count, rank = factor_rows(settings, J, held, At, tau, order, joints)
+        if within:
+            k = count - rank
+            null_basis(At, tau, joints, count, rank, g, x, Z, c)
+        while rank > 0 and abs(At[rank - 1, rank - 1]) <= MULTIPLIER_THRESHOLD * abs(At[0, 0]):
+            rank -= 1
+        for a in range(count):
+            x[a] = g[joints[a]]
+        balance(At, count, 6, rank, tau, order, x, multipliers)
+        weigh(settings, multipliers, weighted)
+        lagrangian_hessian(J, weights, weighted, H)
+        reduce(H, k, Z, x, M)
+        convex = make_positive(M, k, A, V)
+        solve_row_qp(M, c, k, Z, lower, upper, memory, index, z, dq)
+        differ, longest, within = False, 0.0, False
+        beyond = False
+        for i in range(n):
+            low, high = chain[i, LOWER], chain[i, UPPER]
+            end = min(max(q[i] + dq[i], low), high)
+            ahead[i] = low if end - low <= ON_LIMIT else high if high - end <= ON_LIMIT else end
+            holds = ahead[i] <= low or ahead[i] >= high
+            differ = differ or holds != held[i]
+            within = within or (holds and not locked[i])
+            beyond = beyond or (holds and not held[i])
+            held[i] = holds
+            longest = max(longest, abs(ahead[i] - q[i]))
+        within = within and not (convex or beyond)
+        if not (differ or within):
+            break
+    return longest
+
+
+@bare_kernel
+def lagrangian_hessian(J, weights, multipliers, H):
+    """The Hessian of the objective and of the pose weighted by `multipliers` (6,), into H (n, n)."""
+    for i in range(len(J)):
+        for j in range(len(J)):
+            H[i, j] = 0.0
+        H[i, i] = weights[i]
+    add_curvature(J, multipliers, H)
+
+
+@bare_kernel
+def reduce(H, k, Z, x, M):
+    """`Z^T H Z` into M (k, k); work: x (n,)."""
+    n = len(x)
+    for b in range(k):
+        for i in range(n):
+            s = 0.0
+            for j in range(n):
+                s += H[i, j] * Z[j, b]
+            x[i] = s
+        for a in range(b + 1):
+            s = 0.0
+            for i in range(n):
+                s += Z[i, a] * x[i]
+            M[a, b], M[b, a] = s, s
+
+
+@bare_kernel
+def _regained(settings, work):
+    """What the pose error that a step regained, or lost, is worth in units of the objective; the largest multiplier."""
+    multipliers, e, before = work.multipliers, work.e, work.before
+    p, o, s, largest = settings[POSITION_WEIGHT], settings[ORIENTATION_WEIGHT], 0.0, 0.0
+    for row in range(6):
+        s += multipliers[row] * (p if row < 3 else o) * (e[row] - before[row])
+        largest = max(largest, abs(multipliers[row]))
+    return s, largest
