@@ -66,12 +66,12 @@ def kinematic_work(n: int, *lanes: int) -> tuple[np.ndarray, ...]:
 
 def descents(n: int) -> Lanes:
     """Eight descents of a chain of n joints, none of them begun."""
-    vectors = {"target": 12, "tool": 12, "e": 6}
+    vectors = {"target": 12, "goal": 12, "tool": 12, "e": 6}
     vectors |= dict.fromkeys(("q", "trial", "c", "diagonal", "lower", "upper", "side", "dq"), n)
     blocks = {"axes": (n, 3), "origins": (n, 3), "J": (n, 6), "H": (n, n), "A": (n, n)}
     arrays = {key: np.full((length, LANES), np.nan) for key, length in vectors.items()}
     arrays |= {key: np.full((*shape, LANES), np.nan) for key, shape in blocks.items()}
-    return Lanes(state=np.ones((STATE, LANES)), alone=np.full(2 * n * n + 7 * n, np.nan), **arrays)
+    return Lanes(state=np.ones((STATE, LANES)), **arrays)
 
 
 def search_for(

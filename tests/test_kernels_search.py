@@ -12,7 +12,7 @@ import maira_qp as mq
 from maira_qp.kernels.descent import MAX_ITERATIONS
 from maira_qp.kernels.lanes import LANES
 from maira_qp.kernels.random_numbers import stream_of
-from maira_qp.kernels.rigid import FINE, NOT_FINITE, NOT_RIGID
+from maira_qp.kernels.rigid import FINE, NOT_FINITE, NOT_RIGID, pose_row
 from maira_qp.kernels.search import (
     ATTEMPT,
     FAR_START,
@@ -24,9 +24,9 @@ from maira_qp.kernels.search import (
     POSITION_ERROR,
     SPENT,
     SUCCESS,
+    admit,
     memory_sizes,
     search,
-    search_one,
 )
 from maira_qp.kernels.starts import CORNER, state_of
 from maira_qp.orientation import ORTHONORMAL_WITHIN, pose_error
@@ -302,7 +302,7 @@ def test_attempts_begin_at_the_start_then_at_the_nearest_of_the_library_then_at_
         for attempt in range(len(expected), count):
             state = int(state_of(np.uint64(stream), attempt))
             expected.append(start_of(problem, row, problem.candidates, attempt % CORNER == 1, state))
-        np.testing.assert_array_equal(found, expected)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)
         corners = ((found == robot.drawn_range[0]) | (found == robot.drawn_range[1])).all(axis=1)
         assert corners[LANES + with_start :].sum() == sum(k % CORNER == 1 for k in range(LANES + with_start, count))
 
@@ -327,55 +327,35 @@ def test_a_start_outside_the_limits_is_moved_onto_them(rng):
     np.testing.assert_array_equal(found, np.clip(start, problem.robot.lower, problem.robot.upper))
 
 
-def one(problem: Compiled, T: np.ndarray, q0: np.ndarray, seed: tuple[int, int]):
-    """What `search_one` returns, q (1, n), outcome (1, 7)."""
-    n = problem.robot.n
-    floats, integers = memory_sizes(n, problem.last_attempt + 1)
-    q, outcome = np.full((1, n), np.nan), np.full((1, OUTCOME), np.nan)
-    fault = search_one(
-        problem.chain,
-        problem.settings,
-        problem.library,
-        problem.features,
-        problem.candidates,
-        T,
-        ORTHONORMAL_WITHIN,
-        q0,
-        np.array(seed, dtype=np.uint64),
-        problem.last_attempt,
-        np.full(floats, np.nan),
-        np.full(integers, -9),
-        q,
-        outcome,
-    )
-    return fault, q, outcome
-
-
 @pytest.mark.parametrize("seed", [(0, 0), (5, 0), (0, 5)])
-def test_the_search_for_one_target_is_that_for_many(seed, rng):
-    """To the bit, from a start and without, the stream made of the target; starts are shuffled under any seed but 0."""
-    robot = arm("panda")
-    problem = compiled(robot, max_restarts=20)
-    rows = np.concatenate([reachable_rows(robot, rng, few(20)), hard_rows(robot, rng, few(20))])
-    for row in rows:
-        stream = np.array([stream_of(row, np.array(seed, dtype=np.uint64))], dtype=np.uint64)
-        for q0 in (np.empty(0), configurations(robot, rng, 1)[0]):
-            fault, q, outcome = one(problem, pose_of(row).homogeneous, q0, seed)
-            expected = search_for(problem, row[None], q0.reshape(-1, 7), stream, seed != (0, 0))
-            assert fault == FINE
-            np.testing.assert_array_equal(q, expected[0])
-            np.testing.assert_array_equal(outcome, expected[1])
+def test_a_target_is_admitted_as_a_row_with_its_stream(seed, rng):
+    """Rounded matrices are made exact."""
+    words = np.array(seed, dtype=np.uint64)
+    for T in [pose_of(row).homogeneous for row in reachable_rows(arm("panda"), rng, 20)]:
+        T[:3, :3] += 1e-7 * rng.normal(size=(3, 3))
+        fault, row, stream = admitted(T, rng.normal(size=rng.choice([0, 7])), words)
+        expected = np.empty(12)
+        assert fault == pose_row(T, ORTHONORMAL_WITHIN, expected) == FINE
+        np.testing.assert_array_equal(row, expected)
+        assert stream == stream_of(expected, words)
 
 
-def test_the_search_for_one_target_tells_what_it_cannot_take(rng):
-    problem = compiled(arm("maira"))
-    T = pose_of(reachable_rows(problem.robot, rng, 1)[0]).homogeneous
+def test_what_cannot_be_searched_for_or_from_is_told(rng):
+    words = np.zeros(2, dtype=np.uint64)
+    T = pose_of(reachable_rows(arm("maira"), rng, 1)[0]).homogeneous
     spoilt, bent = T.copy(), T.copy()
     spoilt[1, 2], bent[0, :3] = np.nan, 1.1 * bent[0, :3]
-    assert one(problem, spoilt, np.empty(0), (0, 0))[0] == NOT_FINITE
-    assert one(problem, bent, np.empty(0), (0, 0))[0] == NOT_RIGID
+    assert admitted(spoilt, np.empty(0), words)[0] == NOT_FINITE
+    assert admitted(bent, np.empty(0), words)[0] == NOT_RIGID
     for value in (np.nan, np.inf, 1.001 * FARTHEST_START, -2 * FARTHEST_START):
         q0 = np.zeros(7)
         q0[rng.integers(7)] = value
-        assert one(problem, T, q0, (0, 0))[0] == FAR_START
-    assert one(problem, T, np.full(7, FARTHEST_START), (0, 0))[0] == FINE
+        assert admitted(T, q0, words)[0] == FAR_START
+    assert admitted(T, np.full(7, FARTHEST_START), words)[0] == FINE
+
+
+def admitted(T: np.ndarray, q0: np.ndarray, seed: np.ndarray) -> tuple[int, np.ndarray, int]:
+    """What `admit` returns, the row (12,) and the stream."""
+    row, stream = np.full((1, 12), np.nan), np.zeros(1, dtype=np.uint64)
+    fault = admit(T, ORTHONORMAL_WITHIN, q0, seed, row, stream)
+    return fault, row[0], int(stream[0])

@@ -28,7 +28,7 @@ from maira_qp.solvers.targets import pose_of
 def features_of(problem: Compiled, q: np.ndarray) -> np.ndarray:
     """`fill_library` for configurations (K, n)."""
     features = np.full((len(q) // LANES, FEATURES, LANES), np.nan)
-    fill_library(problem.chain, problem.settings, q, features)
+    fill_library(problem.settings, np.array([row_of(problem.robot.forward(each)) for each in q]), features)
     return features
 
 
