@@ -35,10 +35,10 @@ def arm(name: str) -> mq.Robot:
     return mq.Robot.maira() if name == "maira" else load(name)
 
 
-def compiled(robot: mq.Robot, task: mq.PoseTask | FrameTask | None = None, **options) -> Compiled:
+def compiled(robot: mq.Robot, task: FrameTask | None = None, **options) -> Compiled:
     """The arrays of a problem."""
-    problem = Compiled.of(robot, ((task or mq.PoseTask()).of(robot),), 0, mq.Options(**options))
-    assert isinstance(problem, Compiled)
+    problem = mq.Solver(robot, task=task, options=mq.Options(**options))._compiled
+    assert problem is not None
     return problem
 
 
