@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from compiled_problems import arm, compiled, configurations, few, nine_robots, reachable_rows, row_of, search_for
-from test_kernels_starts import features_of, nearest_of, start_of
+from test_kernels_starts import features_of, nearest_of, poses_of, start_of
 
 import maira_qp as mq
 from maira_qp.kernels.descent import MAX_ITERATIONS
@@ -69,7 +69,7 @@ def best_of(q: np.ndarray, outcomes: np.ndarray) -> tuple[np.ndarray, np.ndarray
 def test_a_search_is_its_attempts_in_order_until_one_arrives(name, with_start, rng):
     """The first that arrives, or else the best of all; the iterations are those of the attempts that count."""
     robot = arm(name)
-    count, counted = 20, []
+    count, counted = 14, []
     problem = compiled(robot, max_restarts=count - 1, max_iterations=8)  # few: so that it takes attempts
     for row in np.concatenate([hard_rows(robot, rng, few(20)), reachable_rows(robot, rng, few(20))]):
         starts = configurations(robot, rng, 1) if with_start else None
@@ -85,7 +85,7 @@ def test_a_search_is_its_attempts_in_order_until_one_arrives(name, with_start, r
 
 def test_a_search_cut_into_calls_is_the_same_search(rng):
     """Wherever it is cut: the first part that arrives, or the best of all parts."""
-    robot, count = arm("maira"), 24
+    robot, count = arm("maira"), 14
     problem = compiled(robot, max_restarts=count - 1)
     for row in [FAR, *hard_rows(robot, rng, few(12))]:
         whole_q, whole = search_for(problem, row[None])
@@ -110,7 +110,7 @@ def test_a_search_cut_into_calls_is_the_same_search(rng):
 def test_a_batch_is_its_targets_one_by_one(name, shuffled, rng):
     """To the bit, in any order and any company, easy targets and hard ones, reachable or not, NaN among them."""
     robot, count = arm(name), few(60)
-    problem = compiled(robot, max_restarts=25)
+    problem = compiled(robot, max_restarts=12)
     rows = np.concatenate([reachable_rows(robot, rng, count), hard_rows(robot, rng, count // 3 + 1)])
     rows[1] = np.nan
     starts = configurations(robot, rng, len(rows)) if name == "pr2_arm" else None
@@ -137,7 +137,7 @@ def test_an_earlier_attempt_that_arrives_goes_before_a_later_one_that_arrives_so
         library = configurations(robot, rng, LANES)
         library[rng.integers(LANES)] = solution
         problem = compiled(robot, max_restarts=3)
-        problem = replace(problem, library=library, features=features_of(problem, library))
+        problem = replace(problem, library=library, features=features_of(problem, poses_of(problem, library)))
         (first_q, second_q), outcomes = attempts_of(problem, row, 2, starts=start[None])
         assert outcomes[1, SUCCESS] == 1
         assert outcomes[1, SPENT] == 0
@@ -230,7 +230,7 @@ def test_a_part_of_the_pose_that_is_not_asked_for_has_no_error(task, rng):
 
 
 @pytest.mark.parametrize("count", [0, 1, 3, LANES, LANES + 1, 50])
-@pytest.mark.parametrize("restarts", [0, 1, 40])
+@pytest.mark.parametrize("restarts", [0, 1, 12])
 def test_any_number_of_targets_and_of_attempts_will_do(count, restarts, rng):
     """Also none at all, and a single attempt each."""
     robot = arm("maira")
@@ -243,7 +243,7 @@ def test_any_number_of_targets_and_of_attempts_will_do(count, restarts, rng):
     if count:
         assert outcome[-1].tolist()[:2] == [0.0, float(restarts)]
         assert outcome[-1, SPENT] <= 30 * (restarts + 1)
-        assert (outcome[:-1, SUCCESS] == 1.0).all() or restarts < 40
+        assert (outcome[:-1, SUCCESS] == 1.0).all() or restarts < 12
 
 
 def test_it_works_in_memory_that_holds_anything_and_writes_nowhere_else(rng):
@@ -253,7 +253,7 @@ def test_it_works_in_memory_that_holds_anything_and_writes_nowhere_else(rng):
     expected = np.hstack(search_for(problem, rows))
     sizes, streams = memory_sizes(7, 13), np.arange(len(rows), dtype=np.uint64)
     for rubbish in (np.nan, 1.0, -np.inf, 1e308):
-        for offset in range(LANES):
+        for offset in rng.permutation(LANES)[: few(8)]:
             floats, integers = np.full(sizes[0] + 40, rubbish), np.full(sizes[1] + 40, int(rng.integers(-9, 9)))
             q, outcome, before = np.empty((len(rows), 7)), np.empty((len(rows), OUTCOME)), integers.copy()
             search(
@@ -310,14 +310,13 @@ def test_attempts_begin_at_the_start_then_at_the_nearest_of_the_library_then_at_
 def test_shuffled_starts_differ_by_seed_and_are_the_nearest_ones_in_another_order(rng):
     problem = compiled(arm("maira"))
     row = reachable_rows(problem.robot, rng, 1)[0]
+    streams = [int(stream_of(row, np.array([seed, 0], dtype=np.uint64))) for seed in range(40)]
+    firsts = {tuple(starts_of(problem, row, 1, stream, shuffled=True)[0]) for stream in streams}
     plain = starts_of(problem, row, LANES, 5)
-    firsts = set()
-    for seed in range(40):
-        stream = int(stream_of(row, np.array([seed, 0], dtype=np.uint64)))
+    assert firsts == set(map(tuple, plain))
+    for stream in streams[: few(40)]:
         shuffled = starts_of(problem, row, LANES, stream, shuffled=True)
         np.testing.assert_array_equal(np.unique(shuffled, axis=0), np.unique(plain, axis=0))
-        firsts.add(tuple(shuffled[0]))
-    assert len(firsts) == LANES
 
 
 def test_a_start_outside_the_limits_is_moved_onto_them(rng):
