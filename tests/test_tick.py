@@ -1,5 +1,7 @@
 """One control tick: velocity and position limits to the bit, the hierarchy in every tick, convergence over many."""
 
+import pickle
+
 import numpy as np
 import pytest
 from conftest import load
@@ -92,3 +94,36 @@ def test_the_arm_comes_to_rest_whether_the_target_can_be_reached_or_not(arm, red
             t = solver.step(q, target, 0.05)
             q = t.q
         assert np.abs(t.velocity).max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    "redundancy", [*REDUNDANCIES[:3], mq.Strict(mq.LimitDistance())], ids=lambda r: type(r).__name__
+)
+@pytest.mark.parametrize("arm", ["maira", "panda", "ur5", "pr2_arm", "tiago"])
+def test_the_compiled_tick_is_that_of_the_general_engine(arm, redundancy, rng):
+    """Near and far targets, out of reach, from inside, from a limit and from beyond it; ticks short and long."""
+    robot = mq.Robot.maira() if arm == "maira" else load(arm)
+    compiled, general = (mq.Solver(robot, redundancy=redundancy, backend=b) for b in ("compiled", "daqp"))
+    differ, lower, upper = 0, np.maximum(robot.lower, -7), np.minimum(robot.upper, 7)
+    for k in range(60):
+        q = robot.random_configuration(rng)
+        if k % 4 == 1:
+            q = np.where(rng.random(robot.n) < 0.5, upper, lower)
+        if k % 4 == 2:
+            q = q + 0.3 * rng.normal(size=robot.n)
+        target = robot.forward(robot.clip(q + rng.normal(size=robot.n) * (0.001, 0.1, 1.0)[k % 3]))
+        if k % 5 == 0:
+            target.translation *= 1.5
+        dt = (0.001, 0.01, 0.1, 1.0)[k % 4]
+        a, b = compiled.step(q, target, dt), general.step(q, target, dt)
+        same = max(np.abs(a.q - b.q).max(), np.abs(a.velocity - b.velocity).max() * dt) <= 1e-7
+        same = same and a.position_error == pytest.approx(b.position_error, abs=1e-7)
+        differ += not same
+    assert differ <= 1  # where two eigenvalues of the Hessian are the same size up to sign, or a share is on the edge
+
+
+def test_a_step_pickles_without_its_robot(maira):
+    t = mq.Solver(maira).step(maira.upper, maira.forward(maira.upper), 0.01)
+    copy = pickle.loads(pickle.dumps(t))
+    assert copy.active_limits == t.active_limits
+    assert len(copy.active_limits) == 7

@@ -127,7 +127,7 @@ def _place(context: Any, builder: ir.IRBuilder, kind: types.Array, array: ir.Val
     for length, i in zip(shape[1:], index[1:], strict=False):
         place = builder.add(builder.mul(place, length), i)
     if not _has_lanes(kind, len(index)):
-        return builder.gep(view.data, [place])
+        return builder.gep(view.data, [place])  # type: ignore[return-value]
     return builder.bitcast(
         builder.gep(view.data, [builder.mul(place, ir.Constant(ir.IntType(64), LANES))]), _VALUES.as_pointer()
     )

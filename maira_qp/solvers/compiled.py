@@ -19,7 +19,7 @@ from maira_qp.kernels.search import FARTHEST_START, OUTCOME, admit, memory_sizes
 from maira_qp.kernels.settling import OUTCOME as SETTLED
 from maira_qp.kernels.settling import settle_batch
 from maira_qp.kernels.starts import FEATURES, fill_library
-from maira_qp.kernels.tick import KIND, NONE, STRICT, WEIGHT, WEIGHTED
+from maira_qp.kernels.tick import KIND, NONE, STRICT, WEIGHT, WEIGHTED, tick
 from maira_qp.orientation import ORTHONORMAL_WITHIN
 from maira_qp.problem.objectives import LimitDistance, Posture
 from maira_qp.problem.redundancy import Strict, Weighted
@@ -31,6 +31,7 @@ from maira_qp.solvers.descent import Budget, Descent
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.search import Search
 from maira_qp.solvers.targets import SEED_0, row_of
+from maira_qp.solvers.tick import HALVINGS, SMALL_ERROR
 
 CHUNK = 256
 """Targets of a batch that a thread solves at a stretch: between two of them Ctrl-C is heard."""
@@ -158,6 +159,25 @@ class Compiled:
                 settled = np.empty((1, SETTLED))
                 self._settle(row, q, settled)
         return fault, q[0], outcome[0].tolist(), settled.ravel().tolist()
+
+    def tick(self, T: np.ndarray, q: np.ndarray, dt: float) -> tuple[int, np.ndarray, np.ndarray, list[float]]:
+        """What is wrong, see `kernels.tick.tick`; q (n,), velocity (n,), errors [m, rad] after a tick of dt [s]."""
+        ahead, speed, errors = np.empty(self.robot.n), np.empty(self.robot.n), np.empty(2)
+        numbers = np.array([SMALL_ERROR, HALVINGS, dt, ORTHONORMAL_WITHIN])
+        assert self.redundancy is not None
+        fault = tick(
+            self.chain,
+            self.settings,
+            self.redundancy,
+            numbers,
+            self.robot.velocity_limit,
+            T,
+            q,
+            ahead,
+            speed,
+            errors,
+        )
+        return fault, ahead, speed, errors.tolist()
 
     def _settle(self, rows: np.ndarray, q: np.ndarray, settled: np.ndarray) -> None:
         """Settle the redundancy at the configurations q (N, n), in place, that reach the targets (N, 12)."""

@@ -268,8 +268,15 @@ class Step:
     """|p_d - p| [m] after the tick"""
     orientation_error: float
     """Angle between the orientations [rad] after the tick"""
-    active_limits: list[str]
-    """Position limits that `q` stands on"""
+    _robot: Robot | None = field(repr=False)
+
+    @cached_property
+    def active_limits(self) -> list[str]:
+        """Position limits that `q` stands on"""
+        return active_limits(self._robot, self.q)  # type: ignore[arg-type]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "active_limits": self.active_limits, "_robot": None}
 
 
 def active_limits(robot: Robot, q: np.ndarray) -> list[str]:

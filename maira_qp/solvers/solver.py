@@ -30,7 +30,7 @@ from maira_qp.solvers.options import Options
 from maira_qp.solvers.search import Search, nearest, search, stationarity
 from maira_qp.solvers.setting import Setting
 from maira_qp.solvers.settling import settle
-from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, active_limits, solution_of
+from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, solution_of
 from maira_qp.solvers.targets import SEED_0, pose_of, row_of, rows_of, seed_words, streams
 from maira_qp.solvers.tick import tick
 
@@ -230,12 +230,21 @@ class Solver:
         """
         if not isinstance(dt, (int, float, np.number)) or not 0 < dt < math.inf:
             raise OptionError(f"dt must be a positive number of seconds, got {dt!r}")
+        engine = self._compiled
+        if engine is not None and engine.redundancy is not None:
+            T = np.ascontiguousarray(target.homogeneous) if isinstance(target, pin.SE3) else target
+            if is_native(T, (4, 4)) and is_native(q, (self.robot.n,)):
+                fault, ahead, velocity, (position, orientation) = engine.tick(T, q, float(dt))
+                if not fault:
+                    return Step(velocity, ahead, position, orientation, self.robot)
         pose = self._target(target)
         at = self.robot.at(real_array(q, (self.robot.n,), "q", ConfigurationError))
+        if engine is not None and engine.redundancy is not None:
+            return self.step(at.q, np.ascontiguousarray(pose.homogeneous), dt)
         cost = tasks_toward(self.tasks, pose)
         q_next, velocity = tick(cost, self.redundancy, at, self._setting, float(dt))
         position, orientation = _residual(cost, self.robot.at(q_next))
-        return Step(velocity, q_next, position, orientation, active_limits(self.robot, q_next))
+        return Step(velocity, q_next, position, orientation, self.robot)
 
     def _start(self, q0: Any) -> np.ndarray | None:
         return None if q0 is None else real_array(q0, (self.robot.n,), "q0", ConfigurationError)
