@@ -15,6 +15,7 @@ from compiled_problems import (
     three_tasks,
 )
 from numba import njit
+from test_kernels_chain import random_chain
 
 import maira_qp as mq
 from maira_qp.kernels.chain import jacobian
@@ -130,18 +131,16 @@ def test_a_model_is_renewed_only_where_it_is_asked_for(rng):
     np.testing.assert_array_equal(told[0, 0], [H[..., k].diagonal().max(initial=0) for k in range(LANES)])
 
 
-@three_tasks
-@nine_robots
-def test_a_descent_takes_the_steps_of_the_general_engine(name, task, rng):
+def assert_the_steps_of_the_general_engine(robot: mq.Robot, task, rng, blocks: int) -> None:
     """From the same start the same end, verdict and iteration count, reached or stalled or out of iterations.
 
     Only where a descent ends at a nearest point, and rounding says which of its last steps still improve, may it take
     more steps or fewer.
     """
-    robot, options = arm(name), mq.Options(max_iterations=25)
+    options = mq.Options(max_iterations=25)
     problem = compiled(robot, task, max_iterations=25)
     setting = mq.Solver(robot, backend="daqp", options=options)._setting
-    for _ in range(few(3)):
+    for _ in range(blocks):
         rows, starts = reachable_rows(robot, rng, LANES), configurations(robot, rng, LANES)
         rows[0, 9:] *= 3.0  # out of reach
         starts[1:3] = rng.choice([robot.drawn_range[0], robot.drawn_range[1]], (2, robot.n))[..., 0, :]
@@ -164,10 +163,22 @@ def test_a_descent_takes_the_steps_of_the_general_engine(name, task, rng):
             assert (q >= robot.lower).all()
             assert (q <= robot.upper).all()
             error = cost.tasks[0].residual(robot.at(q))
-            weighs = problem.settings[:2] > 0
-            np.testing.assert_allclose(
-                np.sqrt(state[[POSITION, ORIENTATION]])[weighs], np.array(error)[weighs], rtol=1e-6, atol=1e-13
-            )
+            told, weighs = np.sqrt(state[[POSITION, ORIENTATION]]), problem.settings[:2] > 0
+            rounding = 1e-14 * max(1, robot.length) * robot.n
+            np.testing.assert_allclose(told[weighs], np.array(error)[weighs], rtol=1e-6, atol=rounding)
+
+
+@three_tasks
+@nine_robots
+def test_a_descent_takes_the_steps_of_the_general_engine(name, task, rng):
+    assert_the_steps_of_the_general_engine(arm(name), task, rng, few(3))
+
+
+@pytest.mark.parametrize("joints", [1, 2, 3, 12, 30])
+def test_a_descent_of_a_chain_of_any_length_takes_them_too(joints, rng):
+    """One to thirty joints along any axes, turning and sliding."""
+    for _ in range(few(4)):
+        assert_the_steps_of_the_general_engine(random_chain(joints, rng), mq.PoseTask(), rng, 1)
 
 
 @pytest.mark.parametrize("name", ["maira", "ur5_limited", "tiago"])
