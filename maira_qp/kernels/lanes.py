@@ -119,7 +119,7 @@ def _has_lanes(a: types.Type, indices: int) -> bool:
     return isinstance(a, types.Array) and a.ndim == indices + 1
 
 
-def _place(context: Any, builder: ir.IRBuilder, kind: types.Array, array: ir.Value, index: tuple) -> ir.Value:
+def _place(context: Any, builder: ir.IRBuilder, kind: types.Array, array: ir.Value, index: tuple) -> Any:
     """A pointer to entry `index` of a C-contiguous array, or to the eight of its last axis."""
     view = context.make_array(kind)(context, builder, array)
     shape = cgutils.unpack_tuple(builder, view.shape)
@@ -127,7 +127,7 @@ def _place(context: Any, builder: ir.IRBuilder, kind: types.Array, array: ir.Val
     for length, i in zip(shape[1:], index[1:], strict=False):
         place = builder.add(builder.mul(place, length), i)
     if not _has_lanes(kind, len(index)):
-        return builder.gep(view.data, [place])  # type: ignore[return-value]
+        return builder.gep(view.data, [place])
     return builder.bitcast(
         builder.gep(view.data, [builder.mul(place, ir.Constant(ir.IntType(64), LANES))]), _VALUES.as_pointer()
     )
