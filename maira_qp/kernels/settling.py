@@ -2,8 +2,9 @@
 
 For one objective `1/2 sum_i w_i (q_i - ref_i)^2` (`Posture`, `LimitDistance`). The walk is the same, and is explained
 there: a Newton step in the null space of the pose, with the Lagrangian's Hessian, inside the limits and a trust region;
-back onto the pose; the step counts if the objective fell. It differs in one thing: on the way a step brings the arm
-back only so far that what is left is small against the step's own error, and all the way at the end.
+back onto the pose; the step counts if the objective fell. It differs in two things. On the way a step brings the arm
+back only so far that what is left is within the tolerances, and small against the step's own error, and all the way at
+the end. And where the Hessian is indefinite and limits hold the arm, the step is one within these limits.
 """
 
 from __future__ import annotations
@@ -12,7 +13,14 @@ import numpy as np
 
 from maira_qp.kernels.chain import LOWER, UPPER, jacobian
 from maira_qp.kernels.compilation import bare_kernel, kernel
-from maira_qp.kernels.descent import ORIENTATION_WEIGHT, POSITION_WEIGHT, is_reached, pose_cost
+from maira_qp.kernels.descent import (
+    ORIENTATION_TOLERANCE,
+    ORIENTATION_WEIGHT,
+    POSITION_TOLERANCE,
+    POSITION_WEIGHT,
+    is_reached,
+    pose_cost,
+)
 from maira_qp.kernels.null_space import balance, null_vector
 from maira_qp.kernels.objective import objective_cost
 from maira_qp.kernels.pose_hessian import add_curvature, weigh
@@ -31,8 +39,8 @@ SETTLING = 7
 REACHED, ITERATIONS, PROJECTED_GRADIENT, OBJECTIVE, POSITION_ERROR, ORIENTATION_ERROR = 0, 1, 2, 3, 4, 5
 OUTCOME = 6
 
-NEAR_ENOUGH = 0.1
-"""On the way the weighted pose error may be this share of the step's square [1/rad]."""
+NEAR_ENOUGH = 0.03
+"""On the way the weighted pose error may be this share of the step's square [1/rad], within the tolerances."""
 
 NO_PART = 1e-11
 """A joint with a smaller entry in a basis vector takes no part, and must not feel its limit."""
@@ -89,38 +97,30 @@ def walk(chain, settings, target, reference, weights, settling, work, q):
     """
     axes, origins, tool, e, before = work.axes, work.origins, work.tool, work.e, work.before
     ahead, safe, locked = work.ahead, work.safe, work.locked
-    n, tolerance, restored, most = len(q), settling[STATIONARITY_TOLERANCE], settling[RESTORED], settling[RESTORING]
+    n, restored, most, loosest = len(q), settling[RESTORED], settling[RESTORING], _cost_of_tolerance(settings)
     for i in range(n):
         safe[i] = q[i]
         locked[i] = not chain[i, LOWER] < chain[i, UPPER]
     cost = pose_cost(chain, settings, target, q, axes, origins, tool, e)
     value, radius, spent = objective_cost(q, reference, weights), settling[FIRST_RADIUS], 0
-    arrived, refused, near = cost <= restored, False, NEAR_ENOUGH
+    arrived, refused = cost <= restored, False
     k, left = _projected_gradient(chain, settings, reference, weights, work, q)
     for _ in range(int(settling[MAX_SETTLING])):
-        if left <= tolerance and arrived:
+        optimal = left <= settling[STATIONARITY_TOLERANCE]
+        if optimal and arrived:
             break
-        if (left <= tolerance or refused) and not arrived:
+        if (optimal or refused) and not arrived:
             cost, steps = restore(chain, settings, target, cost, restored, most, work, q)
-            spent += steps
-            if is_reached(settings, e):
-                for i in range(n):
-                    safe[i] = q[i]
-            else:
-                for i in range(n):
-                    q[i] = safe[i]
-                radius, refused = settling[FIRST_RADIUS], True
-                cost = pose_cost(chain, settings, target, q, axes, origins, tool, e)
-            value, arrived, near = objective_cost(q, reference, weights), True, 0.0 if refused else near
-            refused = False
+            value, arrived, refused = objective_cost(q, reference, weights), True, False
             k, left = _projected_gradient(chain, settings, reference, weights, work, q)
+            spent += steps
             continue
         longest = _step(chain, settings, weights, k, radius, work, q)
         if not longest > 0.0:
             break
         for row in range(6):
             before[row] = e[row]
-        enough = max(restored, 0.5 * (near * longest * longest) ** 2)
+        enough = min(max(restored, 0.5 * (NEAR_ENOUGH * longest * longest) ** 2), loosest)
         ahead_cost = pose_cost(chain, settings, target, ahead, axes, origins, tool, e)
         ahead_cost, steps = restore(chain, settings, target, ahead_cost, enough, most, work, ahead)
         spent += 1 + steps
@@ -128,30 +128,41 @@ def walk(chain, settings, target, reference, weights, settling, work, q):
         regained, largest = _regained(settings, work)
         gain, ahead_left = value - ahead_value + regained, np.inf
         clear = settling[RESOLUTION] * (1.0 + abs(value) + largest)
-        if gain >= -clear and (ahead_cost <= enough or is_reached(settings, e)):
+        if gain >= -clear and is_reached(settings, e):
             k, ahead_left = _projected_gradient(chain, settings, reference, weights, work, ahead)
         refused = not (ahead_left < left or (gain > clear and ahead_left < np.inf))
-        if not refused:
-            cost, value, left, arrived = ahead_cost, ahead_value, ahead_left, ahead_cost <= restored
-            radius = 2.0 * radius if longest > 0.9 * radius else radius
-            for i in range(n):
-                q[i] = ahead[i]
-                safe[i] = q[i] if arrived else safe[i]
-        else:
+        if refused:
             radius = 0.25 * min(radius, longest) if arrived else radius
             pose_cost(chain, settings, target, q, axes, origins, tool, e)
             k, left = _projected_gradient(chain, settings, reference, weights, work, q)
             if radius < settling[LEAST_RADIUS]:
                 break
+        else:
+            cost, value, left, arrived = ahead_cost, ahead_value, ahead_left, ahead_cost <= restored
+            radius = 2.0 * radius if longest > 0.9 * radius else radius
+            for i in range(n):
+                q[i] = ahead[i]
     if not arrived:
         _, steps = restore(chain, settings, target, cost, restored, most, work, q)
         spent += steps
-        if not is_reached(settings, e):
-            for i in range(n):
-                q[i] = safe[i]
-            pose_cost(chain, settings, target, q, axes, origins, tool, e)
+    if not is_reached(settings, e):
+        for i in range(n):
+            q[i] = safe[i]
+        pose_cost(chain, settings, target, q, axes, origins, tool, e)
+        arrived = False
+    if not arrived:
         _, left = _projected_gradient(chain, settings, reference, weights, work, q)
     return spent, left
+
+
+@bare_kernel
+def _cost_of_tolerance(settings):
+    """A cost of the pose that is within the tolerances, whatever makes it up."""
+    position = settings[POSITION_WEIGHT] * settings[POSITION_TOLERANCE]
+    orientation = settings[ORIENTATION_WEIGHT] * settings[ORIENTATION_TOLERANCE]
+    if position == 0.0 or (0.0 < orientation < position):
+        return 0.5 * orientation * orientation
+    return 0.5 * position * position
 
 
 @bare_kernel
