@@ -9,7 +9,6 @@ from maira_qp.kernels.lanes import (
     any_lane,
     floor,
     full,
-    lane_bits,
     least,
     load,
     load2,
@@ -157,11 +156,6 @@ def of_masks(a, b, out):
     return any_lane(x), any_lane(x & y), any_lane(~x)
 
 
-@njit
-def bits_of(a):
-    return lane_bits(load(a, 0) > 0.0)
-
-
 def test_masks_are_joined_turned_and_asked_lane_by_lane():
     """All 256 masks."""
     for bits in range(2**LANES):
@@ -171,7 +165,6 @@ def test_masks_are_joined_turned_and_asked_lane_by_lane():
         asked = of_masks(a, b, out)
         np.testing.assert_array_equal(out, [x & y, x | y, ~x, np.where(x & ~y, a[0], b[0])])
         assert asked == (x.any(), (x & y).any(), (~x).any())
-        assert int(bits_of(a)) == bits
 
 
 @pytest.mark.parametrize("x", [2.0, -2.0])

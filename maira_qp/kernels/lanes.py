@@ -173,13 +173,6 @@ def _selecting(typingctx, chosen, a, b):
     return (values if chosen == mask else types.float64)(chosen, a, b), emit
 
 
-def _gathering(typingctx, chosen):
-    def emit(context, builder, sig, args):
-        return builder.zext(builder.bitcast(args[0], ir.IntType(LANES)), ir.IntType(64))
-
-    return types.uint64(chosen), emit
-
-
 def _asking(typingctx, chosen):
     def emit(context, builder, sig, args):
         if sig.args[0] == types.boolean:
@@ -277,12 +270,6 @@ def select(chosen, a, b):
 def any_lane(chosen):
     """The mask is true somewhere."""
     return bool(np.any(chosen))
-
-
-@_compiled_by(_gathering)
-def lane_bits(chosen):
-    """The mask as bits, the first lane the lowest."""
-    return np.uint64(sum(int(on) << k for k, on in enumerate(chosen)))
 
 
 @_compiled_by(_choosing("<"))

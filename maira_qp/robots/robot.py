@@ -162,10 +162,6 @@ class Robot:
         """The configuration (n,) within the limits that is nearest to q (n,). Raises `ConfigurationError`."""
         return np.clip(self._checked(q), self.lower, self.upper)
 
-    def clip_rows(self, q: np.ndarray) -> np.ndarray:
-        """`clip` for configurations (N, n), unchecked."""
-        return np.clip(q, self.lower, self.upper)
-
     def frame_id(self, frame: str | None) -> int:
         """Pinocchio's index of a frame (None: the tip). Raises `FrameError`."""
         return self.kinematics.frame_id(frame)
