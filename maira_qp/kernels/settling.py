@@ -190,12 +190,15 @@ def _projected_gradient(chain, settings, reference, weights, work, q):
         g[i] = weights[i] * (q[i] - reference[i])
         lower[i], upper[i] = chain[i, LOWER] - q[i], chain[i, UPPER] - q[i]
     null_basis(At, tau, joints, count, rank, g, x, Z, c)
+    known = True
     for b in range(k):
+        known = known and abs(c[b]) < np.inf  # NaN is not
         for a in range(k):
             M[a, b] = 1.0 / GRADIENT_SCALE if a == b else 0.0
-    left = 0.0 if solve_row_qp(M, c, k, Z, lower, upper, memory, index, z, dq) else np.inf
-    for i in range(n):
-        left = max(left, abs(dq[i]))
+    left = 0.0 if known and solve_row_qp(M, c, k, Z, lower, upper, memory, index, z, dq) else np.inf
+    if left == 0.0:
+        for i in range(n):
+            left = max(left, abs(dq[i]))
     return k, left / GRADIENT_SCALE
 
 

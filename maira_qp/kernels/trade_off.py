@@ -78,7 +78,9 @@ def _model(chain, settings, reference, weights, weight, cost, work, q):
         H[i, i] += weight * weights[i]
         c[i] += weight * weights[i] * (q[i] - reference[i])
         lower[i], upper[i] = chain[i, LOWER] - q[i], chain[i, UPPER] - q[i]
-        left = max(left, abs(min(max(-GRADIENT_SCALE * c[i], lower[i]), upper[i])) / GRADIENT_SCALE)
+        known = abs(c[i]) < math.inf  # NaN is not
+        slope = min(max(-GRADIENT_SCALE * c[i], lower[i]), upper[i]) / GRADIENT_SCALE if known else math.inf
+        left = max(left, abs(slope))
     make_positive(H, n, work.A, work.V)
     for i in range(n):
         diagonal[i] = H[i, i]
