@@ -77,7 +77,7 @@ def _settle(chain, settings, target, reference, weights, weight, settling, work,
     pose_cost(chain, settings, target, q, work.axes, work.origins, work.tool, e)
     if is_reached(settings, e):
         spent, left = walk(chain, settings, target, reference, weights, settling, work, q)
-        if weight > 0.0:
+        if weight != 0.0:
             tolerance = settling[STATIONARITY_TOLERANCE] * min(1.0, weight)
             most = settling[MAX_SETTLING]
             steps, left = trade_off(chain, settings, target, reference, weights, weight, tolerance, most, work, q)
