@@ -1,5 +1,7 @@
 """Eight compiled descents take the steps of the general engine, each as if it were alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from compiled_problems import (
@@ -18,7 +20,7 @@ from numba import njit
 from test_kernels_chain import random_chain
 
 import maira_qp as mq
-from maira_qp.kernels.chain import jacobian
+from maira_qp.kernels.chain import LOWER, UPPER, jacobian
 from maira_qp.kernels.descent import (
     COST,
     ENDED,
@@ -131,14 +133,14 @@ def test_a_model_is_renewed_only_where_it_is_asked_for(rng):
     np.testing.assert_array_equal(told[0, 0], [H[..., k].diagonal().max(initial=0) for k in range(LANES)])
 
 
-def assert_the_steps_of_the_general_engine(robot: mq.Robot, task, rng, blocks: int) -> None:
+def assert_the_steps_of_the_general_engine(robot: mq.Robot, task, rng, blocks: int, max_iterations: int = 25) -> None:
     """From the same start the same end, verdict and iteration count, reached or stalled or out of iterations.
 
     Only where a descent ends at a nearest point, and rounding says which of its last steps still improve, may it take
     more steps or fewer.
     """
-    options = mq.Options(max_iterations=25)
-    problem = compiled(robot, task, max_iterations=25)
+    options = mq.Options(max_iterations=max_iterations)
+    problem = compiled(robot, task, max_iterations=max_iterations)
     setting = mq.Solver(robot, backend="daqp", options=options)._setting
     for _ in range(blocks):
         rows, starts = reachable_rows(robot, rng, LANES), configurations(robot, rng, LANES)
@@ -153,7 +155,7 @@ def assert_the_steps_of_the_general_engine(robot: mq.Robot, task, rng, blocks: i
                 setting,
                 budget,
                 reached=lambda at, cost=cost: max(cost.tasks[0].residual(at)) <= 1e-6,
-                max_iterations=25,
+                max_iterations=max_iterations,
                 stall=general.Stall(options.stall_steps, options.stall_ratio),
             )
             state, q = lanes.state[:, lane], lanes.q[:, lane]
@@ -179,6 +181,36 @@ def test_a_descent_of_a_chain_of_any_length_takes_them_too(joints, rng):
     """One to thirty joints along any axes, turning and sliding."""
     for _ in range(few(4)):
         assert_the_steps_of_the_general_engine(random_chain(joints, rng), mq.PoseTask(), rng, 1)
+
+
+@pytest.mark.parametrize("iterations", range(1, 9))
+def test_a_descent_cut_short_takes_them_too_and_tells_of_where_it_stands(iterations, rng):
+    """Also where the last step was refused: the errors are those of the configuration that it keeps."""
+    assert_the_steps_of_the_general_engine(arm("panda"), mq.PoseTask(), rng, few(4), iterations)
+
+
+def test_a_descent_that_is_pushed_onto_its_limits_never_leaves_them_by_a_bit(rng):
+    """A slide with limits of any size toward a target beyond them, where q + (limit - q) may be outside by an ulp.
+
+    There it ends, since it cannot move: after one iteration if it began there.
+    """
+    slide = mq.Robot.from_dh([mq.DHLink(kind="prismatic", lower=-1.0, upper=1.0)])
+    problem = compiled(slide)
+    for _ in range(few(200)):
+        chain, size = problem.chain.copy(), 10.0 ** rng.integers(-2, 2)
+        lower, upper = np.sort(size * rng.normal(size=2))
+        chain[0, [LOWER, UPPER]] = lower, upper
+        starts = rng.uniform(lower, upper, (LANES, 1))
+        starts[0], starts[1] = lower, upper
+        beyond = np.where(rng.random(LANES) < 0.5, lower - 3 * size, upper + 3 * size)
+        rows = np.array([row_of(mq.pose([0, 0, z])) for z in beyond])
+        lanes = descend_eight(replace(problem, chain=chain), starts, rows)
+        limit = np.where(beyond < lower, lower, upper)
+        assert (lanes.q[0] >= lower).all()
+        assert (lanes.q[0] <= upper).all()
+        assert np.abs(lanes.q[0] - limit).max() < 1e-15 * max(abs(lower), abs(upper))
+        assert (lanes.state[REACHED] == 0.0).all()
+        assert (lanes.state[ITERATIONS][starts[:, 0] == limit] == 1.0).all()
 
 
 @pytest.mark.parametrize("name", ["maira", "ur5_limited", "tiago"])

@@ -178,7 +178,7 @@ def test_where_zero_is_not_within_the_limits_a_target_with_nan_is_left_as_near_a
 
 
 def test_a_target_too_far_to_measure_is_told_so_whatever_ran_before(rng):
-    """1e200 m: finite, its cost is not."""
+    """1e200 m: finite, its cost is not. Of attempts that are equal the first counts."""
     robot = arm("maira")
     problem, rows = compiled(robot, max_restarts=9), reachable_rows(robot, rng, 3 * LANES)
     rows[::3, 9] = 1e200
@@ -187,6 +187,8 @@ def test_a_target_too_far_to_measure_is_told_so_whatever_ran_before(rng):
     assert (outcome[::3, POSITION_ERROR] == np.inf).all()
     assert (outcome[::3, SUCCESS] == 0.0).all()
     assert (np.delete(outcome, np.s_[::3], axis=0)[:, SUCCESS] == 1.0).all()
+    first, _ = search_for(problem, rows, last=0)
+    np.testing.assert_array_equal(q[::3], first[::3])
     assert (q >= robot.lower).all()
     assert (q <= robot.upper).all()
 
