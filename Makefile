@@ -9,8 +9,7 @@ demo: .venv/.ready ## solve random poses with both redundancy methods and the pl
 
 test: .venv/.ready ## run the tests, and those of the kernels again as plain Python, where an index out of bounds is an error
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto
-	OMP_NUM_THREADS=1 NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n auto tests/test_kernels_*.py \
-		--deselect=tests/test_kernels_redundancy.py # its samples are too small there
+	OMP_NUM_THREADS=1 NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n auto tests/test_kernels_*.py
 
 lint: .venv/.ready ## style, types, and the import contract
 	$(BIN)/ruff check .

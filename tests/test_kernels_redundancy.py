@@ -185,7 +185,7 @@ def test_nearly_every_pose_ends_at_an_optimum(name, rng):
     optimal = outcome[:, PROJECTED_GRADIENT] <= STATIONARY
     assert len(rows) >= 0.99 * count
     assert outcome[:, REACHED].all()
-    assert (~optimal).sum() <= 0.002 * count
+    assert (~optimal).sum() <= max(1, 0.002 * count)  # one of the few that plain Python tries
     for k in np.flatnonzero(optimal)[:: max(1, len(rows) // 20)]:
         problem.assert_told_as_it_is(rows[k], q[k], outcome[k])
 
@@ -259,7 +259,7 @@ def test_the_gradient_that_is_told_is_the_general_engines_anywhere(name, task, r
     """Without a step: at random configurations, a third of the joints on limits, none of them optimal."""
     robot = arm(name)
     problem, tried = Problem(robot, Strict(mq.Posture()), task, max_settling=0), 0
-    for q in configurations(robot, rng, few(20)):
+    for q in configurations(robot, rng, max(few(20), 6)):
         on_limit = (rng.random(robot.n) < 0.33) & np.isfinite(robot.upper)
         q[on_limit] = np.where(rng.random(robot.n) < 0.5, robot.lower, robot.upper)[on_limit]
         row = row_of(robot.forward(q))
