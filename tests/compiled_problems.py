@@ -82,11 +82,13 @@ def search_for(
     shuffled: bool = False,
     first: int = 0,
     last: int | None = None,
+    memory: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """q (N, n) and outcomes (N, 6) of the kernel `search` for the targets (N, 12)."""
+    """q (N, n) and outcomes (N, 7) of the kernel `search` for the targets (N, 12), in memory that holds rubbish."""
     n, last = problem.robot.n, problem.last_attempt if last is None else last
     streams = np.arange(len(rows), dtype=np.uint64) if streams is None else streams
-    floats, integers = memory_sizes(n, last - first + 1)
+    sizes = memory_sizes(n, last - first + 1)
+    floats, integers = memory or (np.full(sizes[0], np.nan), np.full(sizes[1], -(2**62)))
     q, outcome = np.full((len(rows), n), np.nan), np.full((len(rows), OUTCOME), np.nan)
     search(
         problem.chain,
@@ -100,8 +102,8 @@ def search_for(
         streams,
         first,
         last,
-        np.full(floats, np.nan),
-        np.full(integers, -(2**62)),
+        floats,
+        integers,
         q,
         outcome,
     )

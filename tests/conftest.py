@@ -105,3 +105,13 @@ def random_table(rng: np.random.Generator, moving: int) -> DHTable:
             limits = {"lower": float(lower), "upper": float(upper)}
         links.append(DHLink(kind=kind, a=float(a), alpha=float(alpha), d=float(d), theta=float(theta), **limits))
     return DHTable(links, name="random")
+
+
+def misuse(answer):
+    """A misuse: exit code 2, nothing on stdout, one line on stderr, which is returned."""
+    code, out, err = answer
+    assert code == 2
+    assert out == ""
+    assert err.count("\n") == 1
+    assert err.startswith("maira-qp: error: ")
+    return err

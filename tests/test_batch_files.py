@@ -14,6 +14,7 @@ from contextlib import contextmanager
 import numpy as np
 import pyarrow
 import pytest
+from conftest import misuse
 from pyarrow import parquet
 from scipy.spatial.transform import Rotation
 
@@ -113,16 +114,6 @@ def same(found, batch):
     np.testing.assert_array_equal(found["status"], [mq.Status(status).name for status in batch.status.tolist()])
     limits = [";".join(each) for each in batch.active_limits]
     np.testing.assert_array_equal(found["active_limits"], limits if any(limits) else found["active_limits"])
-
-
-def misuse(answer):
-    """A misuse: exit code 2, nothing on stdout, one line on stderr, which is returned."""
-    code, out, err = answer
-    assert code == 2
-    assert out == ""
-    assert err.count("\n") == 1
-    assert err.startswith("maira-qp: error: ")
-    return err
 
 
 @pytest.mark.parametrize("kind", FORMATS)

@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+from conftest import misuse
 
 import maira_qp as mq
 from maira_qp.apps.cli import main
@@ -41,16 +42,6 @@ def strict_json(text):
         raise AssertionError(f"{constant} is not JSON")
 
     return json.loads(text, parse_constant=refuse)
-
-
-def misuse(answer):
-    """A misuse: exit code 2, nothing on stdout, one line on stderr, which is returned."""
-    code, out, err = answer
-    assert code == 2
-    assert out == ""
-    assert err.count("\n") == 1
-    assert err.startswith("maira-qp: error: ")
-    return err
 
 
 def test_solved_is_0_and_the_json_is_the_solution(run, maira):

@@ -11,7 +11,7 @@ from test_kernels_starts import features_of, nearest_of, poses_of, start_of
 import maira_qp as mq
 from maira_qp.kernels.descent import MAX_ITERATIONS
 from maira_qp.kernels.lanes import LANES
-from maira_qp.kernels.random_numbers import stream_of
+from maira_qp.kernels.random_numbers import state_of, stream_of
 from maira_qp.kernels.rigid import FINE, NOT_FINITE, NOT_RIGID, pose_row
 from maira_qp.kernels.search import (
     ATTEMPT,
@@ -20,15 +20,13 @@ from maira_qp.kernels.search import (
     FINAL_COST,
     MOVED,
     ORIENTATION_ERROR,
-    OUTCOME,
     POSITION_ERROR,
     SPENT,
     SUCCESS,
     admit,
     memory_sizes,
-    search,
 )
-from maira_qp.kernels.starts import CORNER, state_of
+from maira_qp.kernels.starts import CORNER
 from maira_qp.orientation import ORTHONORMAL_WITHIN, pose_error
 from maira_qp.solvers.compiled import Compiled
 from maira_qp.solvers.targets import pose_of
@@ -253,29 +251,13 @@ def test_it_works_in_memory_that_holds_anything_and_writes_nowhere_else(rng):
     robot = arm("maira")
     problem, rows = compiled(robot, max_restarts=12), hard_rows(robot, rng, few(20))
     expected = np.hstack(search_for(problem, rows))
-    sizes, streams = memory_sizes(7, 13), np.arange(len(rows), dtype=np.uint64)
+    sizes = memory_sizes(7, 13)
     for rubbish in (np.nan, 1.0, -np.inf, 1e308):
         for offset in rng.permutation(LANES)[: few(8)]:
             floats, integers = np.full(sizes[0] + 40, rubbish), np.full(sizes[1] + 40, int(rng.integers(-9, 9)))
-            q, outcome, before = np.empty((len(rows), 7)), np.empty((len(rows), OUTCOME)), integers.copy()
-            search(
-                problem.chain,
-                problem.settings,
-                problem.library,
-                problem.features,
-                problem.candidates,
-                False,
-                rows,
-                np.empty((0, 7)),
-                streams,
-                0,
-                12,
-                floats[offset : offset + sizes[0]],
-                integers[20 : 20 + sizes[1]],
-                q,
-                outcome,
-            )
-            np.testing.assert_array_equal(np.hstack([q, outcome]), expected)
+            memory, before = (floats[offset : offset + sizes[0]], integers[20 : 20 + sizes[1]]), integers.copy()
+            found = np.hstack(search_for(problem, rows, memory=memory))
+            np.testing.assert_array_equal(found, expected)
             np.testing.assert_array_equal(floats[:offset], np.full(offset, rubbish))
             np.testing.assert_array_equal(floats[offset + sizes[0] :], np.full(40 - offset, rubbish))
             np.testing.assert_array_equal(np.delete(integers, np.s_[20:-20]), np.delete(before, np.s_[20:-20]))
@@ -358,5 +340,5 @@ def test_what_cannot_be_searched_for_or_from_is_told(rng):
 def admitted(T: np.ndarray, q0: np.ndarray, seed: np.ndarray) -> tuple[int, np.ndarray, int]:
     """What `admit` returns, the row (12,) and the stream."""
     row, stream = np.full((1, 12), np.nan), np.zeros(1, dtype=np.uint64)
-    fault = admit(T, ORTHONORMAL_WITHIN, q0, seed, row, stream)
+    fault = admit(T, ORTHONORMAL_WITHIN, q0.reshape(-1, 7), seed, row, stream)
     return fault, row[0], int(stream[0])

@@ -17,8 +17,8 @@ from test_kernels_random_numbers import splitmix
 import maira_qp as mq
 from maira_qp.kernels.chain import START_LOWER, START_UPPER
 from maira_qp.kernels.lanes import LANES
-from maira_qp.kernels.random_numbers import stream_of
-from maira_qp.kernels.starts import FEATURES, fill_library, find_nearest, random_start, state_of
+from maira_qp.kernels.random_numbers import state_of, stream_of
+from maira_qp.kernels.starts import FEATURES, fill_library, find_nearest, random_start
 from maira_qp.problem.costs import TaskCost
 from maira_qp.solvers.compiled import Compiled
 from maira_qp.solvers.targets import pose_of

@@ -30,6 +30,10 @@ def pose_error(robot: mq.Robot, q: np.ndarray, target: pin.SE3) -> float:
     return max(float(np.linalg.norm(target.translation - T[:3, 3])), float(angle))
 
 
+FAR = np.block([[np.eye(3), np.full((3, 1), 1e12)], [np.zeros((1, 3)), np.ones((1, 1))]])
+"""A pose a million million metres away."""
+
+
 def inside(robot: mq.Robot, q: np.ndarray) -> bool:
     return bool(np.isfinite(q).all() and (q >= robot.lower).all() and (q <= robot.upper).all())
 
@@ -232,7 +236,9 @@ def test_the_deadline_ends_a_search(maira):
     s = mq.Solver(maira, options=mq.Options(deadline=1e-9)).solve(target)
     assert s.status is mq.Status.BUDGET_SPENT
     assert inside(maira, s.q)
-    assert s.restarts == 0
+    assert s.restarts < 8  # the eight attempts that run side by side
+    general = mq.Solver(maira, options=mq.Options(deadline=1e-9), backend="daqp").solve(target)
+    assert general.status is mq.Status.BUDGET_SPENT and general.restarts == 0
 
 
 @pytest.mark.parametrize(
@@ -357,6 +363,14 @@ def test_progress_is_told_in_order_by_the_calling_thread_to_the_end(maira, threa
     assert {ident for _, _, ident in told} == {threading.get_ident()}
 
 
+@pytest.mark.parametrize("settings", [{"backend": "daqp"}, {"redundancy": mq.Strict(mq.Manipulability())}], ids=str)
+def test_progress_is_told_of_what_the_general_engine_finishes(maira, settings, rng):
+    targets, told = np.array([maira.forward(maira.random_configuration(rng)).homogeneous for _ in range(4)]), []
+    targets[3] = np.nan
+    mq.Solver(maira, **settings).solve_batch(targets, progress=lambda done, total: told.append((done, total)))
+    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+
+
 def test_an_interrupt_from_the_progress_callback_stops_a_batch(maira, rng):
     targets = [maira.forward(maira.random_configuration(rng)) for _ in range(2000)]
 
@@ -454,6 +468,11 @@ def test_everything_public_pickles(maira, rng):
         (lambda s: s.solve_batch([np.eye(4)] * 2, q0=np.zeros((3, 7))), ConfigurationError, r"shape \(2, 7\)"),
         (lambda s: s.solve_batch([np.eye(4)], seed=-1), OptionError, "seed"),
         (lambda s: s.solve_batch([np.eye(4)], seed=0.5), OptionError, "seed"),
+        (lambda s: s.solve(FAR), PoseError, "away"),
+        (lambda s: s.solve_batch([np.eye(4), FAR]), PoseError, "target 1"),
+        (lambda s: s.step(np.zeros(7), FAR, 0.1), PoseError, "away"),
+        (lambda s: s.step(np.full(7, np.nan), np.eye(4), 0.1), ConfigurationError, "finite"),
+        (lambda s: s.step(np.zeros(7), np.diag([1.0, 1, -1, 1]), 0.1), PoseError, "reflection"),
         (lambda s: s.step(np.zeros(7), np.eye(4), 0), OptionError, "dt"),
         (lambda s: s.step(np.zeros(7), np.eye(4), np.nan), OptionError, "dt"),
         (lambda s: s.step(np.zeros(5), np.eye(4), 0.1), ConfigurationError, r"shape \(7,\)"),

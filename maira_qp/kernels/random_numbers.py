@@ -38,3 +38,11 @@ def streams_of(targets, seed, streams):
     """`stream_of` each of the targets (N, 12) into streams (N,)."""
     for k in range(len(targets)):
         streams[k] = stream_of(targets[k], seed)
+
+
+@bare_kernel
+def state_of(stream, attempt):
+    """The first state of the random numbers of one attempt at a target with this stream."""
+    bits, _ = next_random(uint64(stream))
+    bits, _ = next_random(uint64(bits ^ uint64(attempt)))
+    return bits

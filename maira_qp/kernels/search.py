@@ -29,9 +29,9 @@ from maira_qp.kernels.descent import (
     make_lanes,
 )
 from maira_qp.kernels.lanes import LANES, any_lane, load
-from maira_qp.kernels.random_numbers import stream_of
+from maira_qp.kernels.random_numbers import state_of, stream_of
 from maira_qp.kernels.rigid import FINE, pose_row
-from maira_qp.kernels.starts import CORNER, find_nearest, random_start, state_of
+from maira_qp.kernels.starts import CORNER, find_nearest, random_start
 
 NOBODY = -1
 
@@ -242,15 +242,16 @@ def _is_outside(chain, rows, k):
 
 
 @bare_kernel
-def admit(T, within, q0, seed, row, stream):
-    """A target T (4, 4) as a row (1, 12), and its stream (1,) under a seed (2,), for a search from q0 (n,) or (0,).
+def admit(T, within, starts, seed, row, stream):
+    """A target T (4, 4) as a row (1, 12), and its stream (1,) under a seed (2,), for a search from starts (1 or 0, n).
 
     Returns what is wrong with the target, see `rigid`, or `FAR_START`.
     """
     fault = pose_row(T, within, row[0])
-    for i in range(len(q0)):
-        if not abs(q0[i]) <= FARTHEST_START:
-            fault = FAR_START
+    for k in range(len(starts)):
+        for i in range(starts.shape[1]):
+            if not abs(starts[k, i]) <= FARTHEST_START:
+                fault = FAR_START
     if fault == FINE:
         stream[0] = stream_of(row[0], seed)
     return fault

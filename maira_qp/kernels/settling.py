@@ -20,6 +20,7 @@ from maira_qp.kernels.descent import (
     POSITION_WEIGHT,
     is_reached,
     pose_cost,
+    squares,
 )
 from maira_qp.kernels.null_space import balance, null_vector
 from maira_qp.kernels.objective import objective_cost
@@ -53,40 +54,30 @@ ON_LIMIT = 1e-12
 
 
 @kernel
-def settle(chain, settings, target, reference, weights, weight, settling, q, outcome):
-    """From a configuration q (n,) that reaches the pose to the optimum of the redundancy near it, in place.
+def settle(chain, settings, targets, reference, weights, weight, settling, q, outcome):
+    """From configurations q (N, n) that reach the targets (N, 12) to the optimum of the redundancy near each, in place.
 
-    `weight` 0 is `Strict`, any other that of `Weighted`. q stays inside the limits to the bit. `outcome` (6,) becomes
+    `weight` 0 is `Strict`, any other that of `Weighted`. q stays inside the limits to the bit. `outcome` (N, 6) becomes
     [reached, iterations, projected gradient, objective, position error, orientation error], by a fresh evaluation of q;
     where q does not reach the pose to begin with, it is left as it is, with an infinite gradient.
     """
-    _settle(chain, settings, target, reference, weights, weight, settling, make_workspace(len(q)), q, outcome)
-
-
-@kernel
-def settle_batch(chain, settings, targets, reference, weights, weight, settling, q, outcome):
-    """`settle` for each of `targets` (N, 12) from q (N, n), in place: outcome (N, 6). What is not reached is left."""
     work = make_workspace(q.shape[1])
     for k in range(len(q)):
-        _settle(chain, settings, targets[k], reference, weights, weight, settling, work, q[k], outcome[k])
-
-
-@bare_kernel
-def _settle(chain, settings, target, reference, weights, weight, settling, work, q, outcome):
-    e, spent, left = work.e, 0, np.inf
-    pose_cost(chain, settings, target, q, work.axes, work.origins, work.tool, e)
-    if is_reached(settings, e):
-        spent, left = walk(chain, settings, target, reference, weights, settling, work, q)
-        if weight != 0.0:
-            tolerance = settling[STATIONARITY_TOLERANCE] * min(1.0, weight)
-            most = settling[MAX_SETTLING]
-            steps, left = trade_off(chain, settings, target, reference, weights, weight, tolerance, most, work, q)
-            spent += steps
-    position, orientation = np.sqrt(e[0] ** 2 + e[1] ** 2 + e[2] ** 2), np.sqrt(e[3] ** 2 + e[4] ** 2 + e[5] ** 2)
-    outcome[REACHED], outcome[ITERATIONS], outcome[PROJECTED_GRADIENT] = is_reached(settings, e), spent, left
-    outcome[OBJECTIVE] = objective_cost(q, reference, weights)
-    outcome[POSITION_ERROR] = position if settings[POSITION_WEIGHT] > 0.0 else 0.0
-    outcome[ORIENTATION_ERROR] = orientation if settings[ORIENTATION_WEIGHT] > 0.0 else 0.0
+        spent, left = 0, np.inf
+        pose_cost(chain, settings, targets[k], q[k], work.axes, work.origins, work.tool, work.e)
+        if is_reached(settings, work.e):
+            spent, left = walk(chain, settings, targets[k], reference, weights, settling, work, q[k])
+            if weight != 0.0:
+                tolerance, most = settling[STATIONARITY_TOLERANCE] * min(1.0, weight), settling[MAX_SETTLING]
+                steps, left = trade_off(
+                    chain, settings, targets[k], reference, weights, weight, tolerance, most, work, q[k]
+                )
+                spent += steps
+        position, orientation = squares(work.e)
+        outcome[k, REACHED], outcome[k, ITERATIONS] = is_reached(settings, work.e), spent
+        outcome[k, PROJECTED_GRADIENT], outcome[k, OBJECTIVE] = left, objective_cost(q[k], reference, weights)
+        outcome[k, POSITION_ERROR] = np.sqrt(position) if settings[POSITION_WEIGHT] > 0.0 else 0.0
+        outcome[k, ORIENTATION_ERROR] = np.sqrt(orientation) if settings[ORIENTATION_WEIGHT] > 0.0 else 0.0
 
 
 @bare_kernel
@@ -226,7 +217,7 @@ def _step(chain, settings, weights, k, radius, work, q):
     model may be convex as it is, and then the walk converges quadratically.
     """
     J, At, tau, order, joints, locked, held = work.J, work.At, work.tau, work.order, work.joints, work.locked, work.held
-    multipliers, weighted, x, g, c, ahead = work.multipliers, work.weighted, work.x, work.g, work.c, work.ahead
+    x, g, c, ahead = work.x, work.g, work.c, work.ahead
     lower, upper, H, M, Z, A, V = work.lower, work.upper, work.H, work.M, work.Z, work.A, work.V
     memory, index, z, dq = work.memory, work.index, work.z, work.dq
     n, count, longest, differ = len(q), 0, 0.0, False
@@ -243,13 +234,7 @@ def _step(chain, settings, weights, k, radius, work, q):
         if within:
             k = count - rank
             null_basis(At, tau, joints, count, rank, g, x, Z, c)
-        while rank > 0 and abs(At[rank - 1, rank - 1]) <= MULTIPLIER_THRESHOLD * abs(At[0, 0]):
-            rank -= 1
-        for a in range(count):
-            x[a] = g[joints[a]]
-        balance(At, count, 6, rank, tau, order, x, multipliers)
-        weigh(settings, multipliers, weighted)
-        lagrangian_hessian(J, weights, weighted, H)
+        lagrangian_hessian(settings, weights, count, rank, work)
         reduce(H, k, Z, x, M)
         convex = make_positive(M, k, A, V)
         solve_row_qp(M, c, k, Z, lower, upper, memory, index, z, dq)
@@ -272,13 +257,23 @@ def _step(chain, settings, weights, k, radius, work, q):
 
 
 @bare_kernel
-def lagrangian_hessian(J, weights, multipliers, H):
-    """The Hessian of the objective and of the pose weighted by `multipliers` (6,), into H (n, n)."""
+def lagrangian_hessian(settings, weights, count, rank, work):
+    """The Hessian of the objective's Lagrangian into work.H (n, n), by the rows as they are factored.
+
+    Its own, and the pose's curvature times the multipliers (6,) that balance the gradient g (n,), left in `work`.
+    """
+    J, At, H, x, g, joints = work.J, work.At, work.H, work.x, work.g, work.joints
+    while rank > 0 and abs(At[rank - 1, rank - 1]) <= MULTIPLIER_THRESHOLD * abs(At[0, 0]):
+        rank -= 1
+    for a in range(count):
+        x[a] = g[joints[a]]
+    balance(At, count, 6, rank, work.tau, work.order, x, work.multipliers)
+    weigh(settings, work.multipliers, work.weighted)
     for i in range(len(J)):
         for j in range(len(J)):
             H[i, j] = 0.0
         H[i, i] = weights[i]
-    add_curvature(J, multipliers, H)
+    add_curvature(J, work.weighted, H)
 
 
 @bare_kernel

@@ -27,11 +27,11 @@ FEATURES = 13
 @bare_kernel
 def fill_library(settings, poses, features):
     """Features (K / LANES, FEATURES, LANES) of tool poses (K, 12)."""
-    turn, place = _pose_weights(settings)
+    turning, moving = _pose_weights(settings)
     for k in range(len(poses)):
         square = 0.0
         for i in range(12):
-            feature = poses[k, i] * (turn if i < 9 else place)
+            feature = poses[k, i] * (turning if i < 9 else moving)
             features[k // LANES, i, k % LANES] = feature
             square += feature * feature
         features[k // LANES, 12, k % LANES] = square
@@ -46,10 +46,10 @@ def _pose_weights(settings):
 @bare_kernel
 def find_nearest(settings, features, target, work, nearest):
     """Indices of the library's configurations to start from, into `nearest` (LANES,); `work` is (2, LANES)."""
-    turn, place = _pose_weights(settings)
-    t0, t1, t2, t3 = turn * target[0], turn * target[1], turn * target[2], turn * target[3]
-    t4, t5, t6, t7 = turn * target[4], turn * target[5], turn * target[6], turn * target[7]
-    t8, t9, t10, t11 = turn * target[8], place * target[9], place * target[10], place * target[11]
+    turning, moving = _pose_weights(settings)
+    t0, t1, t2, t3 = turning * target[0], turning * target[1], turning * target[2], turning * target[3]
+    t4, t5, t6, t7 = turning * target[4], turning * target[5], turning * target[6], turning * target[7]
+    t8, t9, t10, t11 = turning * target[8], moving * target[9], moving * target[10], moving * target[11]
     least, block = full(work, np.inf), full(work, 0.0)
     for k in range(len(features)):
         # four sums, of which none waits for another, of the product of the two poses
@@ -68,14 +68,6 @@ def find_nearest(settings, features, target, work, nearest):
             nearest[place] = nearest[place - 1]
             place -= 1
         nearest[place] = int(work[1, lane]) * LANES + lane
-
-
-@bare_kernel
-def state_of(stream, attempt):
-    """The first state of the random numbers of one attempt at a target with this stream."""
-    bits, _ = next_random(uint64(stream))
-    bits, _ = next_random(uint64(bits ^ uint64(attempt)))
-    return bits
 
 
 @bare_kernel

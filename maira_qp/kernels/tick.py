@@ -10,14 +10,13 @@ from maira_qp.kernels.box_qp import solve_box_qp
 from maira_qp.kernels.chain import LOWER, UPPER, jacobian
 from maira_qp.kernels.compilation import bare_kernel, kernel
 from maira_qp.kernels.descent import DAMPING, LEAST_DAMPING, ORIENTATION_WEIGHT, POSITION_WEIGHT, pose_cost, squares
-from maira_qp.kernels.null_space import balance
 from maira_qp.kernels.objective import objective_cost
-from maira_qp.kernels.pose_hessian import newton_model, weigh
+from maira_qp.kernels.pose_hessian import newton_model
 from maira_qp.kernels.positive_part import make_positive
 from maira_qp.kernels.restoration import factor_rows
 from maira_qp.kernels.rigid import FINE, pose_row
 from maira_qp.kernels.row_qp import solve_row_qp
-from maira_qp.kernels.settling import MULTIPLIER_THRESHOLD, lagrangian_hessian, null_basis, reduce
+from maira_qp.kernels.settling import lagrangian_hessian, null_basis, reduce
 from maira_qp.kernels.workspace import make_workspace
 
 BAD_CONFIGURATION = -1
@@ -128,13 +127,7 @@ def _add_level(settings, reference, weights, work, q, dq, part):
         held[i] = lower[i] >= 0.0 or upper[i] <= 0.0
         locked[i] = not lower[i] < upper[i]
     count, rank = factor_rows(settings, J, held, At, tau, order, joints)
-    while rank > 0 and abs(At[rank - 1, rank - 1]) <= MULTIPLIER_THRESHOLD * abs(At[0, 0]):
-        rank -= 1
-    for a in range(count):
-        x[a] = g[joints[a]]
-    balance(At, count, 6, rank, tau, order, x, work.multipliers)
-    weigh(settings, work.multipliers, work.weighted)
-    lagrangian_hessian(J, weights, work.weighted, H)
+    lagrangian_hessian(settings, weights, count, rank, work)
     for i in range(n):
         for j in range(n):
             g[i] += H[i, j] * dq[j]

@@ -1,7 +1,8 @@
 """The compiled engine: which problems it takes, and the arrays that it needs of them.
 
-It runs the search of `search.py` and `descent.py` in compiled code for one pose task of the tip of a serial chain with
-box limits.
+For one task of the tip of a serial chain with box limits it runs the search of `search.py` and `descent.py` in compiled
+code, and, without redundancy or with one `Posture` or `LimitDistance`, the settling of `settling.py` and the tick of
+`tick.py`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from maira_qp.kernels.lanes import LANES
 from maira_qp.kernels.rigid import FINE
 from maira_qp.kernels.search import FARTHEST_START, OUTCOME, admit, memory_sizes, search
 from maira_qp.kernels.settling import OUTCOME as SETTLED
-from maira_qp.kernels.settling import settle_batch
+from maira_qp.kernels.settling import settle
 from maira_qp.kernels.starts import FEATURES, fill_library
 from maira_qp.kernels.tick import KIND, NONE, STRICT, WEIGHT, WEIGHTED, tick
 from maira_qp.orientation import ORTHONORMAL_WITHIN
@@ -29,12 +30,12 @@ from maira_qp.robots.serial_chain import chain_of
 from maira_qp.solvers import descent, settling
 from maira_qp.solvers.descent import Budget, Descent
 from maira_qp.solvers.options import Options
-from maira_qp.solvers.search import Search
+from maira_qp.solvers.search import Search, found_by_kernel
 from maira_qp.solvers.targets import SEED_0, row_of
 from maira_qp.solvers.tick import HALVINGS, SMALL_ERROR
 
-CHUNK = 256
-"""Targets of a batch that a thread solves at a stretch: between two of them Ctrl-C is heard."""
+CHUNK, CHUNK_OF_ATTEMPTS = 256, 80_000
+"""Targets of a batch, and their attempts, that a thread takes up at a stretch: between two of them Ctrl-C is heard."""
 
 LIBRARY, CORNERS = 512, 128
 """Configurations to start from whose poses are known, and how many of them at most have every joint on a limit.
@@ -126,10 +127,6 @@ class Compiled:
             constants,
         )
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_no_start", np.empty(0))
-        object.__setattr__(self, "_no_starts", np.empty((0, self.robot.n)))
-
     def takes(self, starts: np.ndarray | None) -> bool:
         """Whether the kernels can begin there, at (n,) or (N, n): a continuous joint may have wound up too far."""
         return starts is None or bool(np.abs(starts).max(initial=0.0) <= FARTHEST_START)
@@ -149,16 +146,19 @@ class Compiled:
         """
         row, stream = np.empty((1, 12)), np.empty(1, np.uint64)
         q, outcome = np.empty((1, self.robot.n)), np.empty((1, OUTCOME))
-        settled = np.empty((0, SETTLED))
-        fault = admit(T, ORTHONORMAL_WITHIN, self._no_start if q0 is None else q0, seed, row, stream)
+        settled, starts = np.empty((0, SETTLED)), self._starts(q0)
+        fault = admit(T, ORTHONORMAL_WITHIN, starts, seed, row, stream)
         if fault == FINE:
-            starts = self._no_starts if q0 is None else q0.reshape(1, -1)
             shuffled = seed is not SEED_0 and bool(seed.any())
             self._search(row, starts, stream, shuffled, 0, self.last_attempt, q, outcome)
             if self.settles and outcome[0, 0] > 0.0:
                 settled = np.empty((1, SETTLED))
                 self._settle(row, q, settled)
         return fault, q[0], outcome[0].tolist(), settled.ravel().tolist()
+
+    def _starts(self, q0: np.ndarray | None) -> np.ndarray:
+        """Starts (N, n) of a search: q0 (n,) or (N, n), or none of them."""
+        return np.empty((0, self.robot.n)) if q0 is None else q0.reshape(-1, self.robot.n)
 
     def tick(self, T: np.ndarray, q: np.ndarray, dt: float) -> tuple[int, np.ndarray, np.ndarray, list[float]]:
         """What is wrong, see `kernels.tick.tick`; q (n,), velocity (n,), errors [m, rad] after a tick of dt [s]."""
@@ -184,32 +184,28 @@ class Compiled:
         n, own = self.robot.n, self.redundancy
         assert own is not None
         weight = own[WEIGHT] if own[KIND] == WEIGHTED else 0.0
-        settle_batch(self.chain, self.settings, rows, own[2 : 2 + n], own[2 + n :], weight, self.settling, q, settled)
+        settle(self.chain, self.settings, rows, own[2 : 2 + n], own[2 + n :], weight, self.settling, q, settled)
 
     def search(
         self, row: np.ndarray, q0: np.ndarray | None, stream: np.ndarray, shuffled: bool, budget: Budget
     ) -> Search:
-        """The compiled form of `search.search` for a target (12,). With a deadline it looks up between attempts."""
-        first, stride = 0, 0 if budget.has_deadline else self.last_attempt
+        """The compiled form of `search.search` for a target (12,). With a deadline it looks up now and then."""
+        first, stride = 0, LANES - 1 if budget.has_deadline else self.last_attempt
         best: Descent | None = None
-        starts = self._no_starts if q0 is None else q0.reshape(1, -1)
+        starts = self._starts(q0)
         while True:
             last = min(first + stride, self.last_attempt)
             q, outcome = np.empty((1, self.robot.n)), np.empty((1, OUTCOME))
             self._search(row.reshape(1, 12), starts, stream, shuffled, first, last, q, outcome)
             budget.iterations += int(outcome[0, 2])
-            found = self.found(q[0], outcome[0])
+            found = found_by_kernel(self.robot, q[0], outcome[0])
             if best is None or found.best.reached or found.best.cost < best.cost:
                 best = found.best
             if best.reached or last == self.last_attempt or budget.late():
                 return Search(best, found.restarts)
             first = last + 1
 
-    def found(self, q: np.ndarray, outcome: Sequence[float]) -> Search:
-        """What a kernel left in q (n,) and outcome (7,)."""
-        return Search(Descent(self.robot.at(q), float(outcome[3]), bool(outcome[0])), int(outcome[1]))
-
-    def search_batch(
+    def solve_batch(
         self,
         rows: np.ndarray,
         starts: np.ndarray | None,
@@ -225,25 +221,26 @@ class Compiled:
         count = len(rows)
         q, outcome = np.empty((count, self.robot.n)), np.empty((count, OUTCOME))
         settled = np.empty((count if self.settles else 0, SETTLED))
+        chunk = min(CHUNK, max(LANES, CHUNK_OF_ATTEMPTS // (self.last_attempt + 1)))
 
         def run(first: int) -> int:
-            part = slice(first, first + CHUNK)
-            begin = self._no_starts if starts is None else starts[part]
+            part = slice(first, first + chunk)
+            begin = self._starts(None if starts is None else starts[part])
             self._search(rows[part], begin, streams[part], shuffled, 0, self.last_attempt, q[part], outcome[part])
             if self.settles:
                 self._settle(rows[part], q[part], settled[part])
-            return min(first + CHUNK, count)
+            return min(first + chunk, count)
 
-        threads = min(threads or os.cpu_count() or 1, -(-count // CHUNK))
+        threads = min(threads or os.cpu_count() or 1, -(-count // chunk))
         if threads <= 1:
-            for first in range(0, count, CHUNK):
+            for first in range(0, count, chunk):
                 done = run(first)
                 if progress is not None:
                     progress(done, count)
             return q, outcome, settled
         pool = ThreadPoolExecutor(threads)
         try:
-            for done in pool.map(run, range(0, count, CHUNK)):
+            for done in pool.map(run, range(0, count, chunk)):
                 if progress is not None:
                     progress(done, count)
         finally:

@@ -8,7 +8,7 @@ as forward kinematics and saves whole descents (multi-start local search; compar
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from maira_qp.problem.costs import Cost, ExactTaskCost, TaskCost
 from maira_qp.problem.hierarchy import projected_gradient
 from maira_qp.robots.configuration import Configuration
+from maira_qp.robots.robot import Robot
 from maira_qp.solvers.descent import Budget, Descent, Stall, descend
 from maira_qp.solvers.setting import Setting
 
@@ -28,6 +29,11 @@ class Search:
 
     best: Descent
     restarts: int
+
+
+def found_by_kernel(robot: Robot, q: np.ndarray, outcome: Sequence[float]) -> Search:
+    """What `maira_qp.kernels.search` left in q (n,) and outcome (7,)."""
+    return Search(Descent(robot.at(q), float(outcome[3]), bool(outcome[0])), int(outcome[1]))
 
 
 def search(

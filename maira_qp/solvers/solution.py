@@ -172,14 +172,6 @@ class BatchSolution(_OfRobot):
         return names
 
     @staticmethod
-    def of(robot: Robot, backend: str, solutions: list[Solution]) -> BatchSolution:
-        """Stack solutions of a robot."""
-        batch = BatchSolution.blank(robot, backend, len(solutions))
-        for i, solution in enumerate(solutions):
-            batch.put(i, solution)
-        return batch
-
-    @staticmethod
     def blank(robot: Robot, backend: str, count: int) -> BatchSolution:
         """So many answers yet to be written: budget spent."""
         return BatchSolution(

@@ -25,9 +25,9 @@ from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks import FrameTask, PoseTask
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
-from maira_qp.solvers.descent import Budget, Descent
+from maira_qp.solvers.descent import Budget
 from maira_qp.solvers.options import Options
-from maira_qp.solvers.search import Search, nearest, search, stationarity
+from maira_qp.solvers.search import Search, found_by_kernel, nearest, search, stationarity
 from maira_qp.solvers.setting import Setting
 from maira_qp.solvers.settling import settle
 from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, solution_of
@@ -92,10 +92,16 @@ class Solver:
         self.tasks = tuple(each.of(robot) for each in tasks)
         self.redundancy = None if redundancy is None else redundancy.of(robot)
         own = (PositionLimit(robot.lower, robot.upper), VelocityLimit(robot.velocity_limit))
-        from maira_qp.solvers.compiled import Compiled  # heavy: Numba comes with it
-
         options = options or Options()
-        self._compiled = _compiled(backend, Compiled.of(robot, self.tasks, len(limits), self.redundancy, options))
+        self._compiled: Compiled | None = None
+        if backend in (None, "compiled"):
+            from maira_qp.solvers.compiled import Compiled  # heavy: Numba comes with it
+
+            possible = Compiled.of(robot, self.tasks, len(limits), self.redundancy, options)
+            if isinstance(possible, Compiled):
+                self._compiled = possible
+            elif backend == "compiled":
+                raise BackendError(f"the compiled engine cannot take this: {possible}; {listed(available())}")
         if not isinstance(backend, Backend):
             backend = Backend("daqp" if backend in (None, "compiled") else backend)
         self._setting = Setting(robot, (*own, *limits), backend, options)
@@ -140,10 +146,7 @@ class Solver:
         engine = self._compiled
         if engine is None or observe is not None or self.options.deadline is not None:
             return self._solve(self._target(target), self._start(start), seed, observe)
-        T = np.ascontiguousarray(target.homogeneous) if isinstance(target, pin.SE3) else target
-        if not is_native(T, (4, 4)):
-            T = np.ascontiguousarray(self._target(target).homogeneous)  # or an error that says what it is
-        fault, q, outcome, settled = engine.solve(T, start, seed)
+        fault, q, outcome, settled = engine.solve(self._native(target), start, seed)
         if fault:  # said in words, or for the general engine
             return self._solve(self._target(target), self._start(start), seed)
         found, _, spent, _, position, orientation, moved = outcome
@@ -206,19 +209,25 @@ class Solver:
         finite = np.isfinite(rows[:, 0])
         engine = self._compiled
         if engine is None or self.options.deadline is not None or not engine.takes(starts):
-            for i in map(int, np.flatnonzero(finite)):
-                batch.put(i, self._solve(pose_of(rows[i]), None if starts is None else starts[i], words))
+            for i in range(len(rows)):
+                if finite[i]:
+                    batch.put(i, self._solve(pose_of(rows[i]), None if starts is None else starts[i], words))
                 if progress is not None:
                     progress(i + 1, len(rows))
             return batch
         shuffled = bool(words.any())
-        q, outcome, settled = engine.search_batch(rows, starts, streams(rows, words), shuffled, threads, progress)
+        all_of_it = self.redundancy is None or engine.settles
+        told = progress if all_of_it else None  # else what takes the time is yet to come
+        q, outcome, settled = engine.solve_batch(rows, starts, streams(rows, words), shuffled, threads, told)
         batch.put_search(q, outcome)
         if engine.settles:
             batch.put_settled(settled, self.options.stationarity_tolerance)
-        left = finite & ~batch.optimal if self.redundancy is None or engine.settles else finite
-        for i in map(int, np.flatnonzero(left)):
-            batch.put(i, self._finish_compiled(q[i], outcome[i].tolist(), pose_of(rows[i])))
+        left = finite & ~batch.optimal if all_of_it else finite
+        for i in range(len(rows)):
+            if left[i]:
+                batch.put(i, self._finish_compiled(q[i], outcome[i].tolist(), pose_of(rows[i])))
+            if progress is not None and not all_of_it:
+                progress(i + 1, len(rows))
         return batch
 
     def step(self, q: Any, target: Any, dt: float) -> Step:
@@ -232,15 +241,12 @@ class Solver:
             raise OptionError(f"dt must be a positive number of seconds, got {dt!r}")
         engine = self._compiled
         if engine is not None and engine.redundancy is not None:
-            T = np.ascontiguousarray(target.homogeneous) if isinstance(target, pin.SE3) else target
-            if is_native(T, (4, 4)) and is_native(q, (self.robot.n,)):
-                fault, ahead, velocity, (position, orientation) = engine.tick(T, q, float(dt))
-                if not fault:
-                    return Step(velocity, ahead, position, orientation, self.robot)
+            start = q if is_native(q, (self.robot.n,)) else real_array(q, (self.robot.n,), "q", ConfigurationError)
+            fault, ahead, velocity, (position, orientation) = engine.tick(self._native(target), start, float(dt))
+            if not fault:
+                return Step(velocity, ahead, position, orientation, self.robot)
         pose = self._target(target)
         at = self.robot.at(real_array(q, (self.robot.n,), "q", ConfigurationError))
-        if engine is not None and engine.redundancy is not None:
-            return self.step(at.q, np.ascontiguousarray(pose.homogeneous), dt)
         cost = tasks_toward(self.tasks, pose)
         q_next, velocity = tick(cost, self.redundancy, at, self._setting, float(dt))
         position, orientation = _residual(cost, self.robot.at(q_next))
@@ -248,6 +254,14 @@ class Solver:
 
     def _start(self, q0: Any) -> np.ndarray | None:
         return None if q0 is None else real_array(q0, (self.robot.n,), "q0", ConfigurationError)
+
+    def _native(self, target: Any) -> np.ndarray:
+        """A target (4, 4) that kernels take, and check. Raises `PoseError` for what is no array of that kind."""
+        T = np.ascontiguousarray(target.homogeneous) if isinstance(target, pin.SE3) else target
+        far = FARTHEST * self.robot.length
+        if is_native(T, (4, 4)) and not max(abs(T[0, 3]), abs(T[1, 3]), abs(T[2, 3])) > far:
+            return T
+        return np.ascontiguousarray(self._target(target).homogeneous)
 
     def _target(self, target: Any) -> pin.SE3:
         if isinstance(target, Mapping):
@@ -281,7 +295,7 @@ class Solver:
     def _finish_compiled(self, q: np.ndarray, outcome: list[float], target: pin.SE3) -> Solution:
         """From what the compiled search left in q (n,) and outcome (7,)."""
         cost = tasks_toward(self.tasks, target)
-        found = Search(Descent(self.robot.at(q), outcome[3], outcome[0] > 0.0), int(outcome[1]))
+        found = found_by_kernel(self.robot, q, outcome)
         budget = Budget(None, iterations=int(outcome[2]))
         return self._finish(found, cost, self._reached(cost), budget, outcome[6] > 0.0)
 
@@ -353,15 +367,6 @@ def _residual(cost: TaskCost, at: Configuration) -> tuple[float, float]:
 def _check_type(value: Any, types: Any, name: str, example: str) -> None:
     if not isinstance(value, types):
         raise OptionError(f"{name} must be something like {example}, got {value!r:.80}")
-
-
-def _compiled(backend: object, possible: Compiled | str) -> Compiled | None:
-    """The compiled engine where it is asked for, or where nothing is asked for and it can. Raises `BackendError`."""
-    if isinstance(possible, str):
-        if backend == "compiled":
-            raise BackendError(f"the compiled engine cannot take this: {possible}; {listed(available())}")
-        return None
-    return possible if backend in (None, "compiled") else None
 
 
 def _seed_words(value: Any) -> np.ndarray:
