@@ -95,7 +95,7 @@ class Problem:
         at, cost = self.robot.at(q), self.cost(row)
         if self.weight:
             return stationarity(WeightedCost(cost, self.objective, self.weight), at, self.setting)
-        bounds = self.setting.bounds(q)
+        bounds = self.setting.bounds(at)
         return projected_gradient(self.objective.gradient(at), [cost.level(at)], bounds, self.setting.backend)
 
     def total(self, row: np.ndarray, q: np.ndarray) -> float:

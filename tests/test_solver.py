@@ -238,7 +238,8 @@ def test_the_deadline_ends_a_search(maira):
     assert inside(maira, s.q)
     assert s.restarts < 8  # the eight attempts that run side by side
     general = mq.Solver(maira, options=mq.Options(deadline=1e-9), backend="daqp").solve(target)
-    assert general.status is mq.Status.BUDGET_SPENT and general.restarts == 0
+    assert general.status is mq.Status.BUDGET_SPENT
+    assert general.restarts == 0
 
 
 @pytest.mark.parametrize(

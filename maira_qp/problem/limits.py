@@ -1,16 +1,27 @@
-"""Limits: what a displacement dq may be at a configuration q. Boxes stay boxes; coupled limits are rows `G dq <= h`."""
+"""Limits: what a displacement dq may be at a configuration. Boxes stay boxes; coupled limits are rows `G dq <= h`."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from maira_qp.arrays import real_array
 from maira_qp.errors import OptionError
+from maira_qp.robots.configuration import Configuration
+from maira_qp.robots.robot import Robot
+
+
+@dataclass(frozen=True)
+class Tick:
+    """One control tick."""
+
+    dt: float
+    """Its length [s]"""
+    velocity: np.ndarray
+    """Velocity (n,) [rad/s or m/s] at its beginning"""
 
 
 @dataclass(frozen=True)
@@ -27,6 +38,11 @@ class Bounds:
     """(m,)"""
 
     @property
+    def rest(self) -> np.ndarray:
+        """The displacement (n,) nearest to none that the box allows: none, or to brake, or to come back."""
+        return np.clip(0.0, self.lower, self.upper)
+
+    @property
     def held(self) -> np.ndarray:
         """Which joints (n,) stand on a limit, or beyond it."""
         return (self.lower >= 0) | (self.upper <= 0)
@@ -36,31 +52,79 @@ class Bounds:
         return Bounds(np.clip(self.lower, -radius, 0), np.clip(self.upper, 0, radius), self.G, self.h)
 
 
-class Limit(ABC):
-    """One kind of limit of a robot with n joints."""
+class Limit:
+    """One kind of limit. A limit of one's own overrides what it needs of these."""
 
-    @abstractmethod
-    def box(self, q: np.ndarray, dt: float | None) -> tuple[np.ndarray, np.ndarray] | None:
-        """Lower and upper bound (n,) on dq from q (n,) in a tick of dt [s] (None: no time passes), or None."""
+    def of(self, robot: Robot) -> Limit:
+        """The limit with everything that depends on the robot filled in and checked. Raises `OptionError`."""
+        return self
 
-    @abstractmethod
-    def rows(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """G (m, n) and h (m,) of `G dq <= h` at q (n,), h negative where q breaks the limit; or None."""
+    def box(self, at: Configuration, tick: Tick | None) -> tuple[np.ndarray, np.ndarray] | None:
+        """Lower and upper bound (n,) on dq in a tick (None: no time passes), or None."""
+        return None
+
+    def rows(self, at: Configuration, tick: Tick | None) -> tuple[np.ndarray, np.ndarray] | None:
+        """G (m, n) and h (m,) of `G dq <= h`, h negative where the configuration breaks the limit; or None."""
+        return None
+
+    def violation(self, at: Configuration) -> float:
+        """By how much the configuration breaks a limit whose rows hold to first order only; >= 0."""
+        return 0.0
+
+    def active(self, at: Configuration) -> list[str]:
+        """What of the limit the configuration stands on, by name."""
+        return []
 
 
 @dataclass(frozen=True)
 class PositionLimit(Limit):
-    """`lower <= q + dq <= upper`, (n,) each [rad or m]."""
+    """`lower <= q + dq <= upper`, and never so fast toward a limit that the joint could not stop before it.
+
+    After a tick at speed v the joint brakes by `acceleration dt` a tick, k = floor(v / (acceleration dt)) times, and
+    goes `dt ((k + 1) v - acceleration dt k (k + 1) / 2)` in all, the tick included. Where that ends at the limit is the
+    largest v: from a state that keeps this the next one can always be reached by braking (viability: Del Prete, "Joint
+    position and velocity bounds in discrete-time acceleration/torque control of robot arms", 2018).
+    """
 
     lower: np.ndarray
+    """(n,) [rad or m]"""
     upper: np.ndarray
+    """(n,) [rad or m]"""
+    acceleration: np.ndarray
+    """(n,) [rad/s^2 or m/s^2], inf for a joint that can stop at once"""
 
-    def box(self, q: np.ndarray, dt: float | None) -> tuple[np.ndarray, np.ndarray]:
-        """The distance to either limit."""
-        return self.lower - q, self.upper - q
+    def box(self, at: Configuration, tick: Tick | None) -> tuple[np.ndarray, np.ndarray]:
+        """The distance to either limit; in a tick, what may be gone of it."""
+        below, above = self.lower - at.q, self.upper - at.q
+        if tick is None:
+            return below, above
+        change = self.acceleration * tick.dt**2
+        return -braking_displacement(-below, change), braking_displacement(above, change)
 
-    def rows(self, q: np.ndarray) -> None:
-        """None."""
+
+def braking_displacement(room: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """The largest displacement (n,) of a tick from which a joint stops within `room` (n,), slower by `change` a tick.
+
+    Where there is no room it is the room itself, which is then negative: the way back.
+    """
+    free = (room > 0) & (room < np.inf) & (change < np.inf)
+    D, a = np.where(free, room, 1.0), np.where(free, change, 1.0)
+    k = np.floor(0.5 * (np.sqrt(1 + 8 * D / a) - 1))
+    return np.where(free, np.minimum((D + 0.5 * a * k * (k + 1)) / (k + 1), D), room)
+
+
+@dataclass(frozen=True)
+class AccelerationLimit(Limit):
+    """`|dq / dt - velocity| <= acceleration dt`, acceleration (n,) [rad/s^2 or m/s^2], where time passes."""
+
+    acceleration: np.ndarray
+
+    def box(self, at: Configuration, tick: Tick | None) -> tuple[np.ndarray, np.ndarray] | None:
+        """What a tick can change."""
+        if tick is None:
+            return None
+        change = self.acceleration * tick.dt
+        return (tick.velocity - change) * tick.dt, (tick.velocity + change) * tick.dt
 
 
 @dataclass(frozen=True)
@@ -69,15 +133,12 @@ class VelocityLimit(Limit):
 
     velocity: np.ndarray
 
-    def box(self, q: np.ndarray, dt: float | None) -> tuple[np.ndarray, np.ndarray] | None:
+    def box(self, at: Configuration, tick: Tick | None) -> tuple[np.ndarray, np.ndarray] | None:
         """The distance that a tick allows."""
-        if dt is None:
+        if tick is None:
             return None
-        reach = self.velocity * dt
+        reach = self.velocity * tick.dt
         return -reach, reach
-
-    def rows(self, q: np.ndarray) -> None:
-        """None."""
 
 
 @dataclass(frozen=True)
@@ -93,28 +154,32 @@ class LinearLimit(Limit):
         object.__setattr__(self, "A", A)
         object.__setattr__(self, "b", b)
 
-    def box(self, q: np.ndarray, dt: float | None) -> None:
-        """None."""
+    def of(self, robot: Robot) -> LinearLimit:
+        """The same, with its columns counted."""
+        if self.A.shape[1] != robot.n:
+            raise OptionError(f"A of a LinearLimit needs {robot.n} columns, one a joint, not {self.A.shape[1]}")
+        return self
 
-    def rows(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def rows(self, at: Configuration, tick: Tick | None) -> tuple[np.ndarray, np.ndarray]:
         """What is left of b, negative where a row is broken."""
-        return self.A, self.b - self.A @ q
+        return self.A, self.b - self.A @ at.q
 
 
-def merge(limits: Sequence[Limit], q: np.ndarray, dt: float | None = None) -> Bounds:
-    """The limits at q (n,) as one `Bounds`, which always admits some dq.
+def merge(limits: Sequence[Limit], at: Configuration, tick: Tick | None = None) -> Bounds:
+    """The limits at a configuration as one `Bounds`, which always admits its `rest`.
 
     Each box is clipped into the ones that come later in the list, so the merged box is never empty: with position
-    before velocity, a joint outside its limits comes back at its limit speed. A row already broken may not be broken
-    further.
+    before velocity, a joint outside its limits comes back at its limit speed. A row that is already broken, or that a
+    joint which cannot stop at once is about to break, may not be broken further.
     """
-    n = len(q)
+    n = at.n
     lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
     G, h = [np.empty((0, n))], [np.empty(0)]
     for limit in limits:
-        if (box := limit.box(q, dt)) is not None:
+        if (box := limit.box(at, tick)) is not None:
             lower, upper = np.clip(lower, *box), np.clip(upper, *box)
-        if (rows := limit.rows(q)) is not None:
+        if (rows := limit.rows(at, tick)) is not None:
             G.append(rows[0])
-            h.append(np.maximum(rows[1], 0.0))
-    return Bounds(lower, upper, np.vstack(G), np.concatenate(h))
+            h.append(rows[1])
+    box = Bounds(lower, upper, np.vstack(G), np.concatenate(h))
+    return replace(box, h=np.maximum(np.maximum(box.h, 0.0), box.G @ box.rest))

@@ -121,5 +121,5 @@ def _trial(level: Level, factor: float, at: Configuration, setting: Setting) -> 
     """The configuration after one QP step, inside the limits; None if the backend failed."""
     least = LEAST_DAMPING * float(np.abs(level.H).max())
     mu = factor * setting.options.damping * level.squared_error + max(1.0, factor) * least
-    dq = solve_hierarchy([level.damped(mu)], setting.bounds(at.q), setting.backend)
+    dq = solve_hierarchy([level.damped(mu)], setting.bounds(at), setting.backend)
     return None if dq is None else setting.moved(at, dq)

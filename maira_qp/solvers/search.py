@@ -102,5 +102,5 @@ def nearest(cost: TaskCost, descent: Descent, setting: Setting, budget: Budget) 
 def stationarity(cost: Cost, at: Configuration, setting: Setting) -> float:
     """Largest entry of the cost's gradient that no limit holds up, relative to the error where that is large."""
     level = cost.level(at)
-    left = projected_gradient(level.c, (), setting.bounds(at.q), setting.backend)
+    left = projected_gradient(level.c, (), setting.bounds(at), setting.backend)
     return left / max(1.0, float(np.sqrt(level.squared_error)))

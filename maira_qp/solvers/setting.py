@@ -8,7 +8,7 @@ import numpy as np
 
 from maira_qp.errors import OptionError
 from maira_qp.problem.backends import Backend
-from maira_qp.problem.limits import Bounds, Limit, merge
+from maira_qp.problem.limits import Bounds, Limit, Tick, merge
 from maira_qp.problem.qp import QP
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
@@ -24,9 +24,9 @@ class Setting:
     backend: Backend
     options: Options
 
-    def bounds(self, q: np.ndarray, dt: float | None = None) -> Bounds:
-        """All limits on a displacement from q (n,), in a tick of dt [s] if given."""
-        return merge(self.limits, q, dt)
+    def bounds(self, at: Configuration, tick: Tick | None = None) -> Bounds:
+        """All limits on a displacement from a configuration, in a tick if given."""
+        return merge(self.limits, at, tick)
 
     def moved(self, at: Configuration, dq: np.ndarray) -> Configuration:
         """The configuration after a displacement dq (n,), inside the joint limits to the bit."""
@@ -35,7 +35,8 @@ class Setting:
     def admitted(self, q: np.ndarray) -> np.ndarray:
         """The configuration (n,) within all limits that is nearest to q (n,). Raises `OptionError` if there is none."""
         clipped = self.robot.clip(q)
-        rows = [row for limit in self.limits if (row := limit.rows(clipped)) is not None]
+        at = self.robot.at(clipped)
+        rows = [row for limit in self.limits if (row := limit.rows(at, None)) is not None]
         if not any((h < 0).any() for _, h in rows):
             return clipped
         G, h = np.vstack([G for G, _ in rows]), np.concatenate([h for _, h in rows])

@@ -120,7 +120,7 @@ class _Walk:
 
         The multipliers depend on which limits hold the arm, and these on the step: it is taken twice where they differ.
         """
-        limits = self.setting.bounds(at.q)
+        limits = self.setting.bounds(at)
         held = limits.held
         dq = self._step_with(held, at, limits.within(radius))
         holding = (dq <= limits.lower) | (dq >= limits.upper)
@@ -153,7 +153,7 @@ class _Walk:
         """
         rows, error = self.cost.rows(at)
         regained = self.cost.rows(trial)[1] - error
-        held = self.setting.bounds(trial.q).held
+        held = self.setting.bounds(trial).held
         last = len(self.objectives) - 1
         for k, objective in enumerate(self.objectives):
             before = objective.cost(at)
@@ -164,7 +164,7 @@ class _Walk:
 
     def _projected_gradient(self, at: Configuration, priority: int) -> float:
         """Largest entry of an objective's gradient that the limits, the pose and the objectives above leave free."""
-        bounds = self.setting.bounds(at.q)
+        bounds = self.setting.bounds(at)
         above = strict_levels(self.cost, self.objectives[:priority], at, bounds.held)
         return projected_gradient(self.objectives[priority].gradient(at), above, bounds, self.setting.backend)
 

@@ -19,7 +19,7 @@ from maira_qp.errors import BackendError, ConfigurationError, OptionError, PoseE
 from maira_qp.orientation import rigid
 from maira_qp.problem.backends import Backend, available
 from maira_qp.problem.costs import TaskCost, tasks_toward
-from maira_qp.problem.limits import Limit, LinearLimit, PositionLimit, VelocityLimit
+from maira_qp.problem.limits import Limit, PositionLimit, VelocityLimit
 from maira_qp.problem.pose import as_pose
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks import FrameTask, PoseTask
@@ -86,12 +86,11 @@ class Solver:
                 raise OptionError("a further task needs a target of its own: mq.PoseTask(frame=..., target=...)")
         for limit in limits:
             _check_type(limit, Limit, "limit", "mq.LinearLimit(A, b)")
-            if isinstance(limit, LinearLimit) and limit.A.shape[1] != robot.n:
-                raise OptionError(f"A of a LinearLimit needs {robot.n} columns, one a joint, not {limit.A.shape[1]}")
         self.robot = robot
         self.tasks = tuple(each.of(robot) for each in tasks)
         self.redundancy = None if redundancy is None else redundancy.of(robot)
-        own = (PositionLimit(robot.lower, robot.upper), VelocityLimit(robot.velocity_limit))
+        acceleration = np.full(robot.n, np.inf)
+        own = (PositionLimit(robot.lower, robot.upper, acceleration), VelocityLimit(robot.velocity_limit))
         options = options or Options()
         self._compiled: Compiled | None = None
         if backend in (None, "compiled"):
@@ -104,7 +103,7 @@ class Solver:
                 raise BackendError(f"the compiled engine cannot take this: {possible}; {listed(available())}")
         if not isinstance(backend, Backend):
             backend = Backend("daqp" if backend in (None, "compiled") else backend)
-        self._setting = Setting(robot, (*own, *limits), backend, options)
+        self._setting = Setting(robot, (*own, *(limit.of(robot) for limit in limits)), backend, options)
         self._setting.admitted(robot.middle)  # the limits leave something
 
     @property

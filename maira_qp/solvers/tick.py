@@ -13,6 +13,7 @@ import numpy as np
 
 from maira_qp.problem.costs import Cost, ExactTaskCost, TaskCost, WeightedCost, strict_levels
 from maira_qp.problem.hierarchy import solve_each_level
+from maira_qp.problem.limits import Tick
 from maira_qp.problem.objectives import Objective
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.robots.configuration import Configuration
@@ -33,7 +34,7 @@ def tick(
     From inside the position limits the next configuration is inside them to the bit, and the velocity within the
     velocity limits to the bit always. A backend that fails leaves the arm where it is, as far as the limits allow.
     """
-    robot, bounds = setting.robot, setting.bounds(at.q, dt)
+    robot, bounds = setting.robot, setting.bounds(at, Tick(dt, np.zeros(at.n)))
     objectives = redundancy.objectives if isinstance(redundancy, Strict) else ()
     merit: Cost = cost
     if isinstance(redundancy, Weighted):
