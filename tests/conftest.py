@@ -14,11 +14,11 @@ from maira_qp.robots.dh import DHLink, DHTable
 
 
 class RealRobot(NamedTuple):
-    """A robot that is sold: its URDF within the package that carries it, and the chain that is looked at."""
+    """A robot that is sold: its URDF within the package that carries it, and the chain or tree that is looked at."""
 
     package: str
     path: str
-    tip: str
+    tip: str | tuple[str, ...]
     base: str | None
     n: int
 
@@ -44,7 +44,51 @@ REAL_ROBOTS = {
     "irb140": RealRobot(TOOLBOX, "abb_irb140_description/urdf/irb140.urdf", "tool0", None, 6),
     "kr210": RealRobot(TOOLBOX, "kuka_description/kuka_kr210/urdf/kr210l150.urdf", "tool0", None, 6),
     "puma560": RealRobot(TOOLBOX, "unimation_puma560_description/urdf/puma560_robot.urdf", "link7", None, 6),
+    "tiago_arms": RealRobot(
+        EXAMPLES, "tiago_description/robots/tiago_dual.urdf", ("arm_left_tool_link", "arm_right_tool_link"), None, 15
+    ),
+    "tiago_pro_arms": RealRobot(
+        EXAMPLES, "tiago_pro_description/robots/tiago_pro.urdf", ("arm_right_tool_link", "arm_left_tool_link"), None, 15
+    ),
+    "talos_arms": RealRobot(
+        EXAMPLES, "talos_data/robots/talos_reduced.urdf", ("arm_left_7_link", "arm_right_7_link"), "base_link", 16
+    ),
+    "talos_whole": RealRobot(
+        EXAMPLES,
+        "talos_data/robots/talos_reduced.urdf",
+        ("arm_left_7_link", "arm_right_7_link", "left_sole_link", "right_sole_link", "head_2_link"),
+        "base_link",
+        30,
+    ),
+    "baxter_arms": RealRobot(
+        EXAMPLES, "baxter_description/urdf/baxter.urdf", ("left_gripper", "right_gripper"), None, 14
+    ),
+    "pr2_arms": RealRobot(
+        EXAMPLES, "pr2_description/urdf/pr2.urdf", ("r_gripper_tool_frame", "l_gripper_tool_frame"), None, 15
+    ),
+    "pr2_fingers": RealRobot(
+        EXAMPLES,
+        "pr2_description/urdf/pr2.urdf",
+        ("r_gripper_r_finger_tip_link", "r_gripper_l_finger_tip_frame"),
+        "r_wrist_flex_link",
+        2,
+    ),
+    "allegro": RealRobot(
+        EXAMPLES,
+        "allegro_hand_description/urdf/allegro_left_hand.urdf",
+        ("link_3.0_tip", "link_7.0_tip", "link_11.0_tip", "link_15.0_tip"),
+        None,
+        16,
+    ),
+    "g1_arms": RealRobot(
+        EXAMPLES,
+        "g1_description/urdf/g1_29dof_rev_1_0.urdf",
+        ("left_rubber_hand", "right_rubber_hand"),
+        "pelvis",
+        17,
+    ),
 }
+TREES = [name for name, real in REAL_ROBOTS.items() if isinstance(real.tip, tuple)]
 
 
 def urdf_file(name: str) -> Path:

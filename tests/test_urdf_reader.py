@@ -3,7 +3,7 @@
 import math
 import os
 import threading
-from itertools import pairwise
+from itertools import pairwise, permutations
 from math import pi
 from pathlib import Path
 from xml.etree import ElementTree
@@ -172,9 +172,55 @@ def test_strange_names_survive():
 # Tips and bases
 
 
+FORK = (*TWO, joint("bd", "b", "d"), joint("de", "d", "e"))
+
+
 def test_several_tips_are_listed():
-    with pytest.raises(FrameError, match=r"2 tips, choose one.*valid names: c, d"):
-        read_urdf(robot(*TWO, joint("bd", "b", "d"), links="abcd"))
+    both = r"2 tips, choose one \(tip='c'\) or several \(tip=\['c', 'e'\]\); valid names: c, e"
+    with pytest.raises(FrameError, match=both):
+        read_urdf(robot(*FORK, links="abcde"))
+
+
+def test_several_tips_make_a_tree_with_the_way_to_the_first_tip_first():
+    text = robot(*FORK, joint("ax", "a", "x"), links="xabcde")
+    for tips, joints in (
+        (["c", "e"], ("ab", "bc", "bd", "de")),
+        (("e", "c"), ("ab", "bd", "de", "bc")),
+        (["d", "c"], ("ab", "bd", "bc")),
+        (["x", "e", "c"], ("ax", "ab", "bd", "de", "bc")),
+        (["c", "b", "x"], ("ab", "bc", "ax")),
+        (["b", "e"], ("ab", "bd", "de")),
+        (["c"], ("ab", "bc")),
+    ):
+        chain = read_urdf(text, tip=tips)
+        assert chain.tips == tuple(tips)
+        assert chain.tip == tips[0]
+        assert chain.joint_names == joints
+        moving = {name for name, element in joint_elements(chain).items() if element.get("type") == "revolute"}
+        assert moving == set(joints)
+    assert read_urdf(text, tip=["c"]) == read_urdf(text, tip="c") != read_urdf(text, tip=["c", "b"])
+
+
+def test_the_order_of_the_file_does_not_decide_the_order_of_q():
+    links = {read_urdf(robot(*parts, links="abcde"), ["e", "c"]).joint_names for parts in permutations(FORK)}
+    assert links == {("ab", "bd", "de", "bc")}
+
+
+def test_repeated_and_missing_tips_are_refused():
+    with pytest.raises(FrameError, match=r"the tip 'c' is named twice in \['c', 'b', 'c'\]"):
+        read_urdf(robot(*TWO), tip=["c", "b", "c"])
+    for none in ([], ()):
+        with pytest.raises(FrameError, match="the list of tips is empty; valid names: c, e"):
+            read_urdf(robot(*FORK, links="abcde"), tip=none)
+
+
+def test_every_tip_must_hang_on_the_base_and_move():
+    text = robot(*FORK, joint("ax", "a", "x", "", "fixed"), links="abcdex")
+    with pytest.raises(FrameError, match="the base 'd' does not carry the tip 'c'"):
+        read_urdf(text, tip=["e", "c"], base="d")
+    for still in ("a", "x"):
+        with pytest.raises(RobotError, match=f"no joint moves between base and tip '{still}'"):
+            read_urdf(text, tip=["c", still])
 
 
 def test_unknown_tips_and_bases_are_refused_with_the_links_listed():
@@ -182,8 +228,8 @@ def test_unknown_tips_and_bases_are_refused_with_the_links_listed():
         read_urdf(robot(*TWO), tip="gripper")
     with pytest.raises(FrameError, match="the base 'cc' is not a link of this robot; did you mean 'c'"):
         read_urdf(robot(*TWO), base="cc")
-    for wrong in (3, ["c"], b"c"):
-        with pytest.raises(FrameError, match="the tip"):
+    for wrong in (3, b"c", {"c"}, [["c"]], ["c", 3], [None], ["c", "no"]):
+        with pytest.raises(FrameError, match=r"the tip .* is not a link"):
             read_urdf(robot(*TWO), tip=wrong)
 
 
@@ -453,6 +499,43 @@ def test_a_leader_that_cannot_lead_is_refused():
     unlimited = mimics(1, 0, lead="")
     with pytest.raises(RobotError, match="joint 'lead' is revolute but has no limits"):
         read_urdf(unlimited)
+
+
+def branches(*first, second=()):
+    """A robot a-b-c, a-d-e: two branches of two joints each, named by the mimic tags that they take."""
+    names = ("ab", "bc", "ad", "de")
+    tags = dict(zip(names, [*first, *second], strict=True))
+    return robot(
+        *(joint(name, *name, LIMIT + (f'<mimic joint="{tag}"/>' if tag else "")) for name, tag in tags.items()),
+        links="abcde",
+    )
+
+
+def test_a_leader_in_another_branch_comes_first_whichever_tip_is_first():
+    """Pinocchio needs the leader before its follower; both branches lead to tips, so both move."""
+    text = branches(None, "de", second=(None, None))
+    for tips in (["c", "e"], ["e", "c"], ["b", "c", "d"]):
+        made = mq.Robot.from_urdf(text, tip=tips)
+        assert made.joint_names == ("ad", "de", "ab")
+        assert not made.is_chain
+    assert read_urdf(text, tip="d").joint_names == ("ad",)
+
+
+def test_a_leader_that_two_branches_share_leads_both():
+    text = branches("de", "de", second=(None, None))
+    assert read_urdf(text, tip=["c", "d"]).joint_names == ("ad", "de")
+    slow = text.replace(LIMIT, '<limit lower="0" upper="2" velocity="1"/>', 1)  # of the first joint, a follower
+    chain = read_urdf(slow, tip=["c", "d"])
+    assert (chain.lower[1], chain.upper[1], chain.velocity[1]) == (0, 2, 1)
+    assert chain.lower[0] == -1
+
+
+def test_branches_that_lead_each_other_are_refused():
+    """Whichever came first, a follower would come before its leader."""
+    text = branches(None, "ad", second=(None, "ab"))
+    with pytest.raises(RobotError, match="the branches behind the joints 'ab' and 'ad' mimic each other"):
+        read_urdf(text, tip=["c", "e"])
+    assert read_urdf(text, tip="c").joint_names == ("ad", "ab")
 
 
 def test_circles_of_mimics_are_seen_on_the_chain_and_beside_it():

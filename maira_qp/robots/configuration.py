@@ -78,7 +78,8 @@ class Configuration:
 
         With the columns [v_j; w_j]: joint i turns what is behind it, `dJ_j/dq_i = [w_i x v_j; w_i x w_j]` where i comes
         before j on the chain, and moves the tip for what is before it, `[w_j x v_i; 0]` (Bruyninckx and De Schutter,
-        "Symbolic differentiation of the velocity mapping", 1996). Raises `FrameError`.
+        "Symbolic differentiation of the velocity mapping", 1996). In a tree the columns of joints that do not carry the
+        frame are zero, and so are their terms, whatever their place in q. Raises `FrameError`.
         """
         n = self.n
         if self._kinematics.has_mimic:

@@ -1,10 +1,10 @@
-"""A robot arm: its Pinocchio model, the frame that is its tip, and its limits."""
+"""A robot: its Pinocchio model, the frame that is its tip, or those that are, and its limits."""
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -23,7 +23,9 @@ from maira_qp.robots.urdf_writer import urdf_text
 
 
 class Robot:
-    """A serial arm from `base` to `tip` with n independent joints; it does not change, and threads may share it.
+    """An arm from `base` to `tip`, or a tree to several tips, with n independent joints.
+
+    It does not change, and threads may share it.
 
     Angles are in rad, lengths in m. `q` is a configuration (n,), in the order of `joint_names`.
     """
@@ -34,14 +36,18 @@ class Robot:
     base: str
     """Link that poses are relative to."""
     tip: str
-    """Link whose pose is asked for unless another is named."""
+    """Link whose pose is asked for unless another is named: the first of the tips."""
+    tips: tuple[str, ...]
+    """The links to which the joints lead, one or more, in the order in which they were given."""
+    is_chain: bool
+    """Every joint moves the tip, and none mimics another: what the compiled engine can take."""
     n: int
     """Number of independent joints."""
     joint_names: tuple[str, ...]
     frames: tuple[str, ...]
     """Names of all links, the base first: what `frame` may be."""
     moved_links: tuple[str, ...]
-    """The link directly behind each moving joint, from the base to the tip."""
+    """The link directly behind each moving joint, mimic joints too, parents before children."""
     lower: np.ndarray
     """Lower limits (n,) [rad, or m], -inf for a continuous joint; read-only, as are the arrays that follow."""
     upper: np.ndarray
@@ -53,7 +59,9 @@ class Robot:
     effort_limit: np.ndarray
     """Largest torques or forces (n,) [N m, or N], inf where there is no limit."""
     length: float
-    """Length of the arm stretched out [m]: distances between its joints and to the tip, and prismatic ranges."""
+    """Length of the arm stretched out [m]: distances between its joints and to the tip, and prismatic ranges.
+
+    Of several tips the one that is farthest."""
     urdf: str
     """The description as normalised URDF, see `Chain`."""
     dh: DHTable | None
@@ -63,7 +71,8 @@ class Robot:
         """From a chain as `read_urdf` makes it; use `from_dh` or `from_urdf`."""
         self._chain = chain
         self.model = _model(chain)
-        self.name, self.base, self.tip, self.urdf = chain.name, chain.base, chain.tip, chain.urdf
+        self.name, self.base, self.urdf = chain.name, chain.base, chain.urdf
+        self.tip, self.tips = chain.tip, chain.tips
         self.joint_names, self.frames = chain.joint_names, chain.frames
         self.n = len(chain.joint_names)
         self.lower, self.upper = chain.lower, chain.upper
@@ -77,7 +86,10 @@ class Robot:
         self.middle.setflags(write=False)
         self.dh = dh
         self.kinematics = Kinematics(self.model, self.frames, self.tip, self.name)
-        self.length = _length(self.model, self.model.frames[self.frame_id(None)], self.drawn_range)
+        ends = [self.model.frames[self.frame_id(tip)] for tip in self.tips]
+        self.length = max(_length(self.model, end, self.drawn_range) for end in ends)
+        behind = len(self.model.supports[ends[0].parentJoint])  # the joints before the first tip, and the universe
+        self.is_chain = behind == self.model.njoints and not self.kinematics.has_mimic
         bodies = [f for f in self.model.frames if f.type == pin.FrameType.BODY]
         self.moved_links = tuple(
             next(f.name for f in bodies if f.parentJoint == joint) for joint in range(1, self.model.njoints)
@@ -92,11 +104,15 @@ class Robot:
         return cls(read_urdf(urdf_text(table)), dh=table)
 
     @classmethod
-    def from_urdf(cls, source: str | os.PathLike[str], tip: str | None = None, base: str | None = None) -> Robot:
+    def from_urdf(
+        cls, source: str | os.PathLike[str], tip: str | Sequence[str] | None = None, base: str | None = None
+    ) -> Robot:
         """From a URDF file, or from URDF text; the tip None is the only leaf, the base None the root.
 
-        Joints that are not between base and tip are fixed at zero. Meshes are not opened. Raises `RobotError` for a
-        description that cannot be used, `FrameError` for a tip or base that is not a suitable link.
+        A list or tuple of tips makes a tree: the joints between the base and any of them move, and a trunk that they
+        share is there once. One tip may be on the way to another. Joints that are not between base and tip are fixed
+        at zero. Meshes are not opened. Raises `RobotError` for a description that cannot be used, or a tip that no
+        joint moves; `FrameError` for a tip or base that is not a suitable link, and for tips that are repeated.
         """
         return cls(read_urdf(source, tip=tip, base=base))
 
@@ -127,7 +143,7 @@ class Robot:
 
     def jacobians(self, q: np.ndarray) -> np.ndarray:
         """Jacobians (N, 6, n) of the tip at configurations q (N, n), unchecked: `jacobian`, many at once."""
-        if self.kinematics.has_mimic:
+        if not self.is_chain:
             return np.array([self.at(each).jacobian(None).copy() for each in q]).reshape(-1, 6, self.n)
         from maira_qp.kernels.chain import jacobians  # heavy: Numba comes with it
         from maira_qp.robots.serial_chain import chain_of
@@ -170,7 +186,8 @@ class Robot:
         return real_array(q, (self.n,), "q", ConfigurationError)
 
     def __repr__(self) -> str:
-        return f"Robot({self.name!r}, n={self.n}, base={self.base!r}, tip={self.tip!r})"
+        ends = f"tip={self.tip!r}" if len(self.tips) == 1 else f"tips={self.tips!r}"
+        return f"Robot({self.name!r}, n={self.n}, base={self.base!r}, {ends})"
 
     def __eq__(self, other: object) -> bool:
         return self._chain == other._chain if isinstance(other, Robot) else NotImplemented

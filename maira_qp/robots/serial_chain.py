@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def chain_of(robot: Robot) -> np.ndarray:
     """The chain (n + 1, 17) of `maira_qp.kernels.chain`: each joint's frame turned so that it moves along z.
 
-    The robot must not have mimic joints.
+    The robot must be a chain, `Robot.is_chain`.
     """
     model, n = robot.model, robot.n
     data = model.createData()

@@ -1,6 +1,6 @@
 """URDF, as a file or as text, made into a `Chain`: a normalised description without surprises for Pinocchio.
 
-What is done to it: the tree is checked; the part under `base` is kept; only the joints between `base` and `tip` (and
+What is done to it: the tree is checked; the part under `base` is kept; only the joints between `base` and the tips (and
 the leaders of mimic joints among them) still move, all others are fixed where they stand at zero; mimic chains are
 resolved to the joint that leads them, whose limits are narrowed to what its followers allow; axes are normalised.
 Meshes are never opened. The format: http://wiki.ros.org/urdf/XML.
@@ -12,7 +12,7 @@ import copy
 import logging
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -23,6 +23,7 @@ from maira_qp.errors import RobotError, listed
 from maira_qp.robots.rpy import matrix_from_rpy, rpy_from_matrix
 from maira_qp.robots.urdf_joint import MOVING, Joint, check_ends, joint_of
 from maira_qp.robots.urdf_tree import Edge, LinkTree
+from maira_qp.robots.visiting_order import visiting_order
 from maira_qp.robots.xml_text import xml_root
 
 log = logging.getLogger(__name__)
@@ -39,9 +40,11 @@ class Chain:
     """URDF of the tree under `base`; a continuous joint keeps its type; a velocity or effort of 0 means no limit."""
     name: str
     base: str
-    tip: str
+    tips: tuple[str, ...]
+    """The links to which the joints that move lead, one or more."""
     joint_names: tuple[str, ...] = field(compare=False)
-    """Names of the n independent joints in the order of q: parents before children, leaders before followers."""
+    """Names of the n independent joints in the order of q: parents before children, leaders before followers, and
+    otherwise the way to the first tip first."""
     lower: np.ndarray = field(compare=False)
     """Lower limits (n,) [rad, or m], -inf for a continuous joint; read-only, as are the arrays that follow."""
     upper: np.ndarray = field(compare=False)
@@ -53,22 +56,29 @@ class Chain:
     frames: tuple[str, ...] = field(compare=False, repr=False)
     """Names of all links, the base first."""
 
+    @property
+    def tip(self) -> str:
+        """The first of the tips."""
+        return self.tips[0]
 
-def read_urdf(source: str | os.PathLike[str], tip: str | None = None, base: str | None = None) -> Chain:
+
+def read_urdf(source: str | os.PathLike[str], tip: str | Sequence[str] | None = None, base: str | None = None) -> Chain:
     """The `Chain` from `base` (None: the root) to `tip` (None: the only leaf) of a URDF file, or of URDF text.
 
-    Raises `RobotError` if the description cannot be used, `FrameError` if `tip` or `base` is not a suitable link.
+    With a list or tuple of tips every joint between the base and any of them moves. Raises `RobotError` if the
+    description cannot be used, `FrameError` if `tip` or `base` is not a suitable link, or a tip is named twice.
     """
     root = _robot_element(source)
     links, elements = _named(root, "link"), _named(root, "joint")
     tree = LinkTree(links, [_edge(element) for element in elements.values()])
     base = tree.root if base is None else tree.known(base, "base")
-    tip = tree.only_leaf(base) if tip is None else tree.known(tip, "tip")
-    path = tree.path(base, tip)
+    tips = tree.known_tips(tip, base)
+    paths = {tip: [edge.joint for edge in tree.path(base, tip)] for tip in tips}
+    path = list(dict.fromkeys(joint for each in paths.values() for joint in each))
     joints = _with_known_leaders({name: joint_of(element) for name, element in elements.items()}, path)
-    moving = _moving_joints(joints, [edge.joint for edge in path])
-    order = [edge.joint for edge in tree.below(base, first=_leading(tree, moving, path, base))]
-    _check_order(order, moving)
+    moving = _moving_joints(joints, path)
+    _check_tips(paths, moving)
+    order = [edge.joint for edge in tree.below(base, first=visiting_order(tree, moving, path, base))]
     ordered = [moving[name] if name in moving else _at_rest(joints[name], joints) for name in order]
     free = [joint for joint in ordered if joint.name in moving and joint.mimic is None]
     frames = (base, *(joint.child for joint in ordered))
@@ -77,7 +87,7 @@ def read_urdf(source: str | os.PathLike[str], tip: str | None = None, base: str 
         urdf=_text(name, [links[link] for link in frames], ordered, root.findall("material")),
         name=name,
         base=base,
-        tip=tip,
+        tips=tips,
         joint_names=tuple(joint.name for joint in free),
         lower=_read_only(joint.lower for joint in free),
         upper=_read_only(joint.upper for joint in free),
@@ -128,11 +138,10 @@ def _edge(element: Element) -> Edge:
 # What moves
 
 
-def _with_known_leaders(joints: dict[str, Joint], path: list[Edge]) -> dict[str, Joint]:
+def _with_known_leaders(joints: dict[str, Joint], path: list[str]) -> dict[str, Joint]:
     """The joints, those beside the path without a mimic of a joint that does not exist: a slip that costs nothing."""
-    on_path = {edge.joint for edge in path}
     lost = [joint for joint in joints.values() if joint.mimic is not None and joint.mimic[0] not in joints]
-    mended = {joint.name: replace(joint, mimic=None) for joint in lost if joint.name not in on_path}
+    mended = {joint.name: replace(joint, mimic=None) for joint in lost if joint.name not in path}
     if mended:
         log.warning("these joints mimic joints that do not exist, and are fixed at zero: %s", ", ".join(mended))
     return joints | mended
@@ -157,11 +166,16 @@ def _moving_joints(joints: dict[str, Joint], path: list[str]) -> dict[str, Joint
             moving[joint.name] = replace(joint, mimic=(leader.name, multiplier, offset))
             moving[leader.name] = _narrowed(moving.get(leader.name, leader), joint, multiplier, offset)
     free = sum(joint.mimic is None for joint in moving.values())
-    if not free:
-        raise RobotError("no joint moves between base and tip")
     if free > MAX_JOINTS:
         raise RobotError(f"{free} joints move between base and tip, more than the {MAX_JOINTS} that are supported")
     return moving
+
+
+def _check_tips(paths: dict[str, list[str]], moving: dict[str, Joint]) -> None:
+    """Raises `RobotError` if a tip, of those whose paths (names of joints) are given, cannot move."""
+    for tip, path in paths.items():
+        if not any(joint in moving for joint in path):
+            raise RobotError(f"no joint moves between base and tip {tip!r}")
 
 
 def _need_limits(joint: Joint) -> None:
@@ -229,34 +243,6 @@ def _turn(axis: np.ndarray, angle: float) -> np.ndarray:
     x, y, z = axis
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + math.sin(angle) * K + 2 * math.sin(angle / 2) ** 2 * (K @ K)
-
-
-# The order of q
-
-
-def _leading(tree: LinkTree, moving: dict[str, Joint], path: list[Edge], base: str) -> list[str]:
-    """The joints to visit first at each fork: those towards leaders beside the path, then the path itself."""
-    child_of = {edge.joint: edge.child for edge in tree.below(base)}
-    on_path = [edge.joint for edge in path]
-    leading: list[str] = []
-    for name in moving:
-        if name not in on_path:
-            if name not in child_of:
-                raise RobotError(f"joint {name!r} leads a mimic joint between base and tip, but stands before the base")
-            towards = [edge.joint for edge in tree.path(base, child_of[name])]
-            leading += [joint for joint in towards if joint not in on_path]
-    return leading + on_path
-
-
-def _check_order(order: list[str], moving: dict[str, Joint]) -> None:
-    """Raises `RobotError` if a follower comes before its leader even so, that is, if it carries its leader."""
-    for joint in moving.values():
-        if joint.mimic is not None and order.index(joint.mimic[0]) > order.index(joint.name):
-            leader, multiplier, offset = joint.mimic
-            swap = (
-                f"let {leader!r} mimic {joint.name!r} (multiplier {1 / multiplier!r}, offset {-offset / multiplier!r})"
-            )
-            raise RobotError(f"joint {joint.name!r} mimics {leader!r}, which it carries: {swap}")
 
 
 # The text

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from maira_qp.errors import FrameError, RobotError, listed
@@ -74,12 +74,31 @@ class LinkTree:
             raise FrameError(f"the {role} {link!r} is not a link of this robot; {listed(self.links, str(link))}")
         return link
 
-    def only_leaf(self, base: str) -> str:
-        """The only link under the base that carries nothing. Raises `FrameError` if there are several."""
-        leaves = [link for link in [base, *(edge.child for edge in self.below(base))] if not self.beneath[link]]
-        if len(leaves) > 1:
-            raise FrameError(f"there are {len(leaves)} tips, choose one (tip=...); {listed(leaves)}")
-        return leaves[0]
+    def leaves(self, base: str) -> list[str]:
+        """The links under the base that carry nothing."""
+        return [link for link in [base, *(edge.child for edge in self.below(base))] if not self.beneath[link]]
+
+    def known_tips(self, tip: str | Sequence[str] | None, base: str) -> tuple[str, ...]:
+        """The tips as a tuple: one name, a list or tuple of names, or None for the only leaf under the base.
+
+        Raises `FrameError` if a name is not a link's, if names are repeated or none are given, or if None is given
+        where there are several leaves.
+        """
+        if tip is None:
+            leaves = self.leaves(base)
+            if len(leaves) > 1:
+                choice = f"choose one (tip={leaves[0]!r}) or several (tip={leaves[:2]!r})"
+                raise FrameError(f"there are {len(leaves)} tips, {choice}; {listed(leaves)}")
+            return (leaves[0],)
+        if not isinstance(tip, (list, tuple)):
+            return (self.known(tip, "tip"),)  # type: ignore[arg-type]
+        if not tip:
+            raise FrameError(f"the list of tips is empty; {listed(self.leaves(base))}")
+        tips = tuple(self.known(each, "tip") for each in tip)
+        for i, name in enumerate(tips):
+            if name in tips[:i]:
+                raise FrameError(f"the tip {name!r} is named twice in {list(tips)}")
+        return tips
 
     def path(self, base: str, tip: str) -> list[Edge]:
         """The edges from the base to the tip. Raises `FrameError` if the tip does not hang on the base."""

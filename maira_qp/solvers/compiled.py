@@ -81,8 +81,8 @@ class Compiled:
             return "it has limits beside those of the joints"
         if tasks[0].frame not in (None, robot.tip):
             return "its task is not the tip's"
-        if robot.kinematics.has_mimic:
-            return "the robot has mimic joints"
+        if not robot.is_chain:
+            return "the robot has mimic joints" if robot.kinematics.has_mimic else "the robot is a tree"
         weights = np.zeros(6)
         weights[tasks[0].rows] = tasks[0].weights
         settings = np.array(
