@@ -10,11 +10,18 @@ solution = solver.solve(mq.pose([0.4, 0.2, 0.9], quaternion=[1, 0, 0, 0]))
 from maira_qp import errors
 from maira_qp.orientation import pose_error
 from maira_qp.problem.backends import Backend
-from maira_qp.problem.limits import LinearLimit
+from maira_qp.problem.limits import Limit, LinearLimit, Tick
 from maira_qp.problem.objectives import LimitDistance, Manipulability, ObstacleDistance, Posture
 from maira_qp.problem.pose import pose
 from maira_qp.problem.redundancy import Strict, Weighted
-from maira_qp.problem.tasks import OrientationTask, PoseTask, PositionTask
+from maira_qp.problem.tasks.axis import AxisTask, LookAtTask
+from maira_qp.problem.tasks.frame import OrientationTask, PoseTask, PositionTask
+from maira_qp.problem.tasks.joints import DampingTask, JointCouplingTask
+from maira_qp.problem.tasks.limit import LimitTask
+from maira_qp.problem.tasks.objective import ObjectiveTask
+from maira_qp.problem.tasks.relative import RelativePoseTask
+from maira_qp.problem.tasks.swivel import SwivelTask
+from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.dh import DHLink, DHTable
 from maira_qp.robots.robot import Robot
 from maira_qp.solvers.options import Options
@@ -24,25 +31,36 @@ from maira_qp.solvers.solver import Solver
 __version__ = "0.1.0"
 
 __all__ = [
+    "AxisTask",
     "Backend",
     "BatchSolution",
     "DHLink",
     "DHTable",
+    "DampingTask",
+    "JointCouplingTask",
+    "Limit",
     "LimitDistance",
+    "LimitTask",
     "LinearLimit",
+    "LookAtTask",
     "Manipulability",
+    "ObjectiveTask",
     "ObstacleDistance",
     "Options",
     "OrientationTask",
     "PoseTask",
     "PositionTask",
     "Posture",
+    "RelativePoseTask",
     "Robot",
     "Solution",
     "Solver",
     "Status",
     "Step",
     "Strict",
+    "SwivelTask",
+    "Task",
+    "Tick",
     "Weighted",
     "errors",
     "pose",

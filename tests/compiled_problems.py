@@ -11,7 +11,7 @@ import maira_qp as mq
 from maira_qp.kernels.descent import STATE, Lanes
 from maira_qp.kernels.lanes import LANES
 from maira_qp.kernels.search import OUTCOME, memory_sizes, search
-from maira_qp.problem.tasks import FrameTask
+from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.solvers.compiled import Compiled
 
 nine_robots = pytest.mark.parametrize(

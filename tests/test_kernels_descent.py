@@ -93,7 +93,7 @@ def test_cost_and_model_are_those_of_the_task(name, task, rng):
             value = pose_cost(problem.chain, problem.settings, rows[lane], q[lane], *work[:4])
             jacobian(problem.chain, *work[:3], work[4])
             model_and_verdict(problem.settings, work[4], work[3], *model, np.ones(1), *told)
-            cost = TaskCost((task.of(robot).toward(pose_of(rows[lane])),))
+            cost = TaskCost((task.of(robot).toward({robot.tip: pose_of(rows[lane])}),))
             level = cost.level(robot.at(q[lane]))
             in_lane = value8[lane], model8[0][..., lane], model8[1][:, lane], *told8[:, 0, lane]
             for v, H, c, largest, reached in ((value, *model, *told[:, 0]), in_lane):
@@ -148,7 +148,7 @@ def assert_the_steps_of_the_general_engine(robot: mq.Robot, task, rng, blocks: i
         starts[1:3] = rng.choice([robot.drawn_range[0], robot.drawn_range[1]], (2, robot.n))[..., 0, :]
         lanes = descend_eight(problem, starts, rows)
         for lane in range(LANES):
-            cost, budget = TaskCost((task.of(robot).toward(pose_of(rows[lane])),)), general.Budget(None)
+            cost, budget = TaskCost((task.of(robot).toward({robot.tip: pose_of(rows[lane])}),)), general.Budget(None)
             end = general.descend(
                 cost,
                 robot.at(starts[lane]),

@@ -82,7 +82,7 @@ class Problem:
 
     def cost(self, row: np.ndarray) -> TaskCost:
         """The task toward a target."""
-        return TaskCost((self.solver.tasks[0].toward(pose_of(row)),))
+        return TaskCost((self.solver.tasks[0].toward({self.robot.tip: pose_of(row)}),))
 
     def settle_generally(self, row: np.ndarray, start: np.ndarray) -> Settled:
         """The definition."""
@@ -423,6 +423,6 @@ def test_the_exact_hessian_is_that_of_the_general_engine(error, rng):
         pose_cost(problem.chain, problem.settings, row_of(target), q, axes, origins, tool, e)
         jacobian(problem.chain, axes, origins, tool, J)
         newton_model(problem.settings, J, e, weighted, H, c)
-        cost = TaskCost((task.of(robot).toward(target),))
+        cost = TaskCost((task.of(robot).toward({robot.tip: target}),))
         assert np.abs(H - ExactTaskCost(cost).hessian(at)).max() < 1e-9
         assert np.abs(c - cost.level(at).c).max() < 1e-9

@@ -132,7 +132,7 @@ def test_a_random_start_is_the_best_of_its_draws(name, candidates, at_corner, rn
     problem = compiled(robot)
     for row in reachable_rows(robot, rng, few(20)):
         state = int(rng.integers(0, 2**64 - 1, dtype=np.uint64))
-        cost = TaskCost((task.of(robot).toward(pose_of(row)),))
+        cost = TaskCost((task.of(robot).toward({robot.tip: pose_of(row)}),))
         q = draws(problem, state, candidates, at_corner)
         values = np.array([cost.value(robot.at(each)) for each in q])
         found = start_of(problem, row, candidates, at_corner, state)

@@ -52,7 +52,7 @@ def add_curvature(J, weights, H):
 def subtract_flattening(settings, J, e, H):
     """Subtract from H (n, n) what a turn across the rotation error phi = e[3:] changes it less than by itself.
 
-    The compiled form of the last term of `maira_qp.problem.costs.ExactTaskCost.hessian`, `k (w x phi) . (w x phi)`.
+    The compiled form of the last term of `maira_qp.problem.tasks.frame.FrameTask.hessian`, `k (w x phi) . (w x phi)`.
     """
     x, y, z = e[3], e[4], e[5]
     angle = math.sqrt(x * x + y * y + z * z)

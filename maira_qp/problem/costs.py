@@ -6,16 +6,20 @@ large at the optimum and Gauss-Newton converges slowly or not at all; for that c
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+import pinocchio as pin
 
-from maira_qp.problem.hierarchy import Level, positive_part
+from maira_qp.problem.hierarchy import RANK_THRESHOLD, Level, positive_part
+from maira_qp.problem.limits import Tick
 from maira_qp.problem.objectives import Objective
-from maira_qp.problem.tasks import FrameTask
+from maira_qp.problem.tasks.objective import ObjectiveTask
+from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.configuration import Configuration
+from maira_qp.robots.robot import Robot
 
 HESSIAN_RANK_THRESHOLD = 1e-6
 """As `RANK_THRESHOLD`, for the Hessian of an objective, which may be known by differences alone."""
@@ -37,7 +41,7 @@ class Cost(Protocol):
 class TaskCost:
     """The tasks alone: `1/2 sum |W e|^2`."""
 
-    tasks: tuple[FrameTask, ...]
+    tasks: tuple[Task, ...]
 
     def value(self, at: Configuration) -> float:
         """Half of the squared weighted error."""
@@ -50,30 +54,49 @@ class TaskCost:
 
     def rows(self, at: Configuration) -> tuple[np.ndarray, np.ndarray]:
         """The weighted Jacobian W J (m, n) and the weighted error W e (m,)."""
-        A = [task.weights[:, None] * task.jacobian(at) for task in self.tasks]
-        r = [task.weights * task.error(at) for task in self.tasks]
-        return (A[0], r[0]) if len(A) == 1 else (np.vstack(A), np.concatenate(r))
+        rows = [task.rows(at) for task in self.tasks] or [(np.empty((0, at.n)), np.empty(0))]
+        return rows[0] if len(rows) == 1 else (np.vstack([A for A, _ in rows]), np.concatenate([r for _, r in rows]))
+
+    def pull(self, at: Configuration) -> np.ndarray:
+        """The gradient (n,), each task's part times its gain."""
+        g = np.zeros(at.n)
+        for task in self.tasks:
+            A, r = task.rows(at)
+            g -= task.gain * (r @ A)
+        return g
+
+    def without_wishes(self) -> TaskCost:
+        """The same without the tasks that a control tick takes as inequalities."""
+        return self if self.wishless else TaskCost(tuple(task for task in self.tasks if not task.is_wish))
+
+    @property
+    def wishless(self) -> bool:
+        """No task is an inequality."""
+        return not any(task.is_wish for task in self.tasks)
+
+    def damping(self, at: Configuration) -> float:
+        """The Levenberg-Marquardt damping that the tasks ask for."""
+        asking = [task for task in self.tasks if task.damping > 0]
+        return sum(task.damping * 2 * TaskCost((task,)).value(at) for task in asking)
+
+    def wishes(self, at: Configuration, tick: Tick) -> tuple[np.ndarray, np.ndarray] | None:
+        """G (m, n) and h (m,) of the inequalities among the tasks, if there are any."""
+        rows = [task.wishes(at, tick) for task in self.tasks if task.is_wish]
+        return (np.vstack([G for G, _ in rows]), np.concatenate([h for _, h in rows])) if rows else None
 
     def curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
-        """`sum_k multipliers_k d2(W f)_k/dq2` (n, n), f the frames' poses: how the rows bend; multipliers (m,)."""
-        n = at.n
-        C, start = np.zeros((n, n)), 0
+        """`-sum_k multipliers_k d2(W e)_k/dq2` (n, n): how the rows bend; multipliers (m,)."""
+        C, start = np.zeros((at.n, at.n)), 0
         for task in self.tasks:
-            weights = np.zeros(6)
-            stop = start + len(task.weights)
-            weights[task.rows] = task.weights * multipliers[start:stop]
-            C += at.kinematic_hessian_product(task.frame, weights)
+            stop = start + len(task.error(at)) if len(self.tasks) > 1 else len(multipliers)
+            C += task.curvature(at, multipliers[start:stop])
             start = stop
         return C
 
 
 @dataclass(frozen=True)
 class ExactTaskCost:
-    """The tasks alone, with the exact Hessian `J^T W A(phi) W J - sum_k (W e)_k d2(W f)_k/dq2`.
-
-    A is the symmetric part of the inverse left Jacobian of SO(3) at phi, `I + k [phi]x^2`, which enters since a turn
-    of R across phi changes phi by less than itself (Sola et al., 2018, appendix B); for the linear rows A = I.
-    """
+    """The tasks alone, with the exact Hessian where they know it."""
 
     tasks: TaskCost
 
@@ -88,21 +111,49 @@ class ExactTaskCost:
 
     def hessian(self, at: Configuration) -> np.ndarray:
         """The Hessian (n, n), of any definiteness."""
-        A, r = self.tasks.rows(at)
-        H = A.T @ A - self.tasks.curvature(at, r)
+        return sum((task.hessian(at) for task in self.tasks.tasks), np.zeros((at.n, at.n)))
+
+
+@dataclass(frozen=True)
+class LevelObjective(Objective):
+    """A priority level below the first: tasks and weighted objectives, `1/2 sum |W e|^2 + sum w_i objective_i`."""
+
+    tasks: TaskCost
+    objectives: tuple[ObjectiveTask, ...] = ()
+
+    def of(self, robot: Robot) -> LevelObjective:
+        """Its parts are already made for the robot."""
+        return self
+
+    def cost(self, at: Configuration) -> float:
+        """The sum."""
+        return self.tasks.value(at) + sum(each.weight * each.objective.cost(at) for each in self.objectives)
+
+    def gradient(self, at: Configuration) -> np.ndarray:
+        """Gradient (n,) of the sum."""
+        g = np.zeros(at.n)
         for task in self.tasks.tasks:
-            e, weights = np.zeros(6), np.zeros(6)
-            e[task.rows], weights[task.rows] = task.error(at), task.weights
-            turn = weights[5] * np.cross(e[3:], at.jacobian(task.frame)[3:], axisb=0).T
-            H -= _flattening(float(np.linalg.norm(e[3:]))) * turn.T @ turn
-        return H
+            A, r = task.rows(at)
+            g -= r @ A
+        for each in self.objectives:
+            g += each.weight * each.objective.gradient(at)
+        return g
 
+    def pull(self, at: Configuration) -> np.ndarray:
+        """The gradient (n,), each part times its gain."""
+        g = self.tasks.pull(at)
+        for each in self.objectives:
+            g += each.gain * each.weight * each.objective.gradient(at)
+        return g
 
-def _flattening(angle: float) -> float:
-    """k of `I + k [phi]x^2`: `1/angle^2 - (1 + cos angle) / (2 angle sin angle)`, 1/12 at 0."""
-    if angle < 1e-2:
-        return 1 / 12 + angle**2 / 720
-    return (1 - 0.5 * angle / np.tan(0.5 * angle)) / angle**2
+    def hessian(self, at: Configuration) -> np.ndarray:
+        """Hessian (n, n) of the sum."""
+        H = ExactTaskCost(self.tasks).hessian(at)
+        return sum((each.weight * each.objective.hessian(at) for each in self.objectives), H)
+
+    def without_wishes(self) -> LevelObjective:
+        """The same without the tasks that a control tick takes as inequalities."""
+        return replace(self, tasks=self.tasks.without_wishes())
 
 
 @dataclass(frozen=True)
@@ -139,15 +190,20 @@ def strict_levels(
 ) -> tuple[Level, ...]:
     """The tasks as level 1, the objectives as the levels below it; `held` (n,) marks the joints that a limit holds.
 
-    The Hessian of a lower level is that of its Lagrangian, its own plus the curvature of the tasks' rows times their
+    The Hessian of a lower level is that of its Lagrangian, its own plus the curvature of the rows above times their
     multipliers: on a curved self-motion the objective bends with the path.
     """
-    pose = cost.level(at)
-    levels = [pose]
+    levels, above = [cost.level(at)], cost
+    rows = levels[0].rows
     for objective in objectives:
         gradient, H = objective.gradient(at), objective.hessian(at)
-        H = H + cost.curvature(at, multipliers(pose.rows, gradient, held))
-        levels.append(Level(H, gradient, H, objective.cost(at), rank_threshold=HESSIAN_RANK_THRESHOLD))
+        H = H + above.curvature(at, multipliers(rows, gradient, held))
+        level = Level(H, gradient, H, objective.cost(at), rank_threshold=HESSIAN_RANK_THRESHOLD)
+        if isinstance(objective, LevelObjective) and not objective.objectives:
+            A, r = objective.tasks.rows(at)
+            level = replace(level, rows=A, squared_error=float(r @ r), rank_threshold=RANK_THRESHOLD)
+            above, rows = TaskCost((*above.tasks, *objective.tasks.tasks)), np.vstack([rows, A])
+        levels.append(level)
     return tuple(levels)
 
 
@@ -156,6 +212,6 @@ def multipliers(rows: np.ndarray, gradient: np.ndarray, held: np.ndarray) -> np.
     return np.linalg.lstsq(rows[:, ~held].T, -gradient[~held], rcond=1e-6)[0]
 
 
-def tasks_toward(tasks: Sequence[FrameTask], target) -> TaskCost:
-    """The tasks with the target filled in where they have none."""
-    return TaskCost(tuple(task.toward(target) for task in tasks))
+def tasks_toward(tasks: Sequence[Task], targets: Mapping[str, pin.SE3]) -> TaskCost:
+    """The tasks with their targets filled in where they have none."""
+    return TaskCost(tuple(task.toward(targets) for task in tasks))

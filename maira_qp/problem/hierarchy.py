@@ -5,7 +5,8 @@ of the null space of all rows above, it minimises its own cost over
 
     { dq + Z z  :  lower <= dq + Z z <= upper,  G (dq + Z z) <= h }
 
-from the dq of the level above. z = 0 is always feasible, so no level can fail, and J Z = 0 holds to rounding whether a
+from the dq of the level above. A level's inequalities are met as well as they can be, and what was reached of them
+is a limit for the levels below. z = 0 is always feasible, so no level can fail, and J Z = 0 holds to rounding whether a
 limit is active or not: level k cannot change the residual of a level above it. (Projecting level k into the null space
 *inside* one QP has no such property: an active limit couples the two.) One redundant degree of freedom makes z a number
 and its QP a clamp. The lexicographic problem is that of Kanoun, Lamiraux and Wieber, "Kinematic control of redundant
@@ -15,6 +16,7 @@ Mansard and Wieber, "Hierarchical quadratic programming", 2014, section 3.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -22,15 +24,12 @@ from itertools import pairwise
 import numpy as np
 
 from maira_qp.problem.backends import Backend
-from maira_qp.problem.limits import Bounds
+from maira_qp.problem.limits import FEASIBILITY, Bounds
 from maira_qp.problem.qp import QP
 
 RANK_THRESHOLD = 1e-11
 """Singular values below this share of the largest count as zero: what moves along such a direction changes the residual
 above by no more than that share."""
-
-FEASIBILITY = 1e-11
-"""How far [rad or m] a level's step may overstep a limit before it is shortened; what remains is clipped."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +47,9 @@ class Level:
     """|W e|^2 of the tasks in it"""
     rank_threshold: float = RANK_THRESHOLD
     """Share of the largest singular value of `rows` below which one counts as zero"""
+    wishes: tuple[np.ndarray, np.ndarray] | None = None
+    """G (k, n) and h (k,) of `G dq <= h`, kept as well as the levels above allow: the level adds `1/2 |s|^2` for the
+    least s >= 0 with `G dq <= h + s`, and the levels below keep what it reached"""
 
     def damped(self, mu: float) -> Level:
         """The same with `1/2 mu |dq|^2` added (Levenberg-Marquardt)."""
@@ -61,6 +63,7 @@ class Subproblem:
     qp: QP
     start: np.ndarray
     Z: np.ndarray
+    """(n, k), with a zero column for each wish, whose slack is a variable too"""
 
 
 def build_first(level: Level, bounds: Bounds) -> Subproblem:
@@ -72,7 +75,8 @@ def build_first(level: Level, bounds: Bounds) -> Subproblem:
     if not free.all():
         c, h = (c + H @ start)[free], h - bounds.G @ start
         H = H[np.ix_(free, free)]
-    return Subproblem(QP(H, c, bounds.lower[free], bounds.upper[free], bounds.G[:, free], h), start, Z)
+    qp = QP(H, c, bounds.lower[free], bounds.upper[free], bounds.G[:, free], h)
+    return _with_slack(Subproblem(qp, start, Z), level)
 
 
 def build_next(level: Level, bounds: Bounds, start: np.ndarray, Z: np.ndarray) -> Subproblem:
@@ -83,7 +87,28 @@ def build_next(level: Level, bounds: Bounds, start: np.ndarray, Z: np.ndarray) -
     room = _room(bounds, start)
     felt = np.isfinite(room) & (rows != 0).any(axis=1)
     free = np.full(Z.shape[1], np.inf)
-    return Subproblem(QP(H, c, -free, free, rows[felt], room[felt]), start, Z)
+    return _with_slack(Subproblem(QP(H, c, -free, free, rows[felt], room[felt]), start, Z), level)
+
+
+def _with_slack(problem: Subproblem, level: Level) -> Subproblem:
+    """The problem with a variable s_i >= 0 more for each wish of the level, `G dq - s <= h`, and `1/2 |s|^2`."""
+    if level.wishes is None:
+        return problem
+    (G, h), qp, Z = level.wishes, problem.qp, problem.Z
+    n, k = len(G), Z.shape[1]
+    H = np.zeros((k + n, k + n))
+    H[:k, :k], H[k:, k:] = qp.H, np.eye(n)
+    rows = np.zeros((len(qp.h) + n, k + n))
+    rows[: len(qp.h), :k], rows[len(qp.h) :, :k], rows[len(qp.h) :, k:] = qp.G, G @ Z, -np.eye(n)
+    widened = QP(
+        H,
+        np.concatenate([qp.c, np.zeros(n)]),
+        np.concatenate([qp.lower, np.zeros(n)]),
+        np.concatenate([qp.upper, np.full(n, np.inf)]),
+        rows,
+        np.concatenate([qp.h, h - G @ problem.start]),
+    )
+    return Subproblem(widened, problem.start, np.hstack([Z, np.zeros((len(Z), n))]))
 
 
 def solve_hierarchy(levels: Sequence[Level], bounds: Bounds, backend: Backend) -> np.ndarray | None:
@@ -95,25 +120,36 @@ def solve_hierarchy(levels: Sequence[Level], bounds: Bounds, backend: Backend) -
     return displacements[-1] if displacements else None
 
 
-def solve_each_level(levels: Sequence[Level], bounds: Bounds, backend: Backend) -> list[np.ndarray]:
+def solve_each_level(
+    levels: Sequence[Level], bounds: Bounds, backend: Backend, end: float | None = None
+) -> list[np.ndarray]:
     """The displacements (n,) of level 1 alone, of levels 1 and 2, and so on; none if level 1 could not be solved.
 
-    They end early where nothing is left for the next level to move.
+    They end early where nothing is left for the next level to move, or `time.monotonic()` passes `end` [s].
     """
     first = build_first(levels[0], bounds)
     solution = backend.solve(first.qp)
     if not solution.found:
         return []
-    dq, Z = _shortened(first, solution.x, bounds), first.Z
+    dq, Z = _shortened(first, solution.x, bounds), first.Z[:, : int((bounds.lower < bounds.upper).sum())]
     displacements = [np.clip(dq, bounds.lower, bounds.upper)]
     for above, level in pairwise(levels):
+        bounds = _with_wishes_kept(bounds, above, dq)
         Z = _subspace(Z, above.rows, above.rank_threshold)
-        if Z.shape[1] == 0:
+        if Z.shape[1] == 0 or (end is not None and time.monotonic() >= end):
             break
         below = build_next(level, bounds, dq, Z)
         dq = _shortened(below, _solve_in_null_space(below.qp, backend), bounds)
         displacements.append(np.clip(dq, bounds.lower, bounds.upper))
     return displacements
+
+
+def _with_wishes_kept(bounds: Bounds, level: Level, dq: np.ndarray) -> Bounds:
+    """The bounds and, as limits, what the displacement dq (n,) of a level reached of its wishes."""
+    if level.wishes is None:
+        return bounds
+    G, h = level.wishes
+    return replace(bounds, G=np.vstack([bounds.G, G]), h=np.concatenate([bounds.h, np.maximum(h, G @ dq)]))
 
 
 def projected_gradient(gradient: np.ndarray, above: Sequence[Level], bounds: Bounds, backend: Backend) -> float:

@@ -13,6 +13,9 @@ from maira_qp.errors import OptionError
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
 
+FEASIBILITY = 1e-11
+"""How far [rad or m] a displacement may overstep a limit before it is shortened; what remains is clipped."""
+
 
 @dataclass(frozen=True)
 class Tick:
@@ -46,6 +49,11 @@ class Bounds:
     def held(self) -> np.ndarray:
         """Which joints (n,) stand on a limit, or beyond it."""
         return (self.lower >= 0) | (self.upper <= 0)
+
+    def contain(self, dq: np.ndarray) -> bool:
+        """Whether dq (n,) is within the bounds, to rounding."""
+        inside = (dq >= self.lower - FEASIBILITY).all() and (dq <= self.upper + FEASIBILITY).all()
+        return bool(inside and (len(self.h) == 0 or (self.G @ dq <= self.h + FEASIBILITY).all()))
 
     def within(self, radius: float) -> Bounds:
         """The same, and every entry of dq at most `radius` > 0 in size (a trust region)."""

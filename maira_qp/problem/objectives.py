@@ -39,6 +39,15 @@ class Objective(ABC):
         """Hessian (n, n) of the cost, symmetric, of any definiteness."""
 
 
+def check_objective(objective: object) -> None:
+    """Raises `OptionError` for what is no objective."""
+    if not isinstance(objective, Objective):
+        raise OptionError(
+            f"not an objective: {objective!r:.80}; "
+            "valid: Posture(), LimitDistance(), Manipulability(), ObstacleDistance(...)"
+        )
+
+
 @dataclass(frozen=True)
 class Posture(Objective):
     """Stay near a reference: `1/2 sum_i w_i (q_i - q_ref_i)^2`."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from maira_qp.errors import OptionError
-from maira_qp.problem.objectives import Objective
+from maira_qp.problem.objectives import Objective, check_objective
 from maira_qp.robots.robot import Robot
 
 
@@ -24,7 +24,7 @@ class Weighted:
     """What the objective counts against the pose; > 0."""
 
     def __post_init__(self) -> None:
-        _check_objective(self.objective)
+        check_objective(self.objective)
         number = isinstance(self.weight, (int, float, np.integer, np.floating)) and not isinstance(self.weight, bool)
         if not (number and 0 < self.weight < math.inf):
             raise OptionError(f"the weight of Weighted must be a positive number, got {self.weight!r}")
@@ -48,17 +48,9 @@ class Strict:
         if not objectives:
             raise OptionError("Strict needs an objective, for example Strict(Posture())")
         for objective in objectives:
-            _check_objective(objective)
+            check_objective(objective)
         object.__setattr__(self, "objectives", tuple(objectives))
 
     def of(self, robot: Robot) -> Strict:
         """The same with its objectives made for this robot."""
         return Strict(*(objective.of(robot) for objective in self.objectives))
-
-
-def _check_objective(objective: object) -> None:
-    if not isinstance(objective, Objective):
-        raise OptionError(
-            f"not an objective: {objective!r:.80}; "
-            "valid: Posture(), LimitDistance(), Manipulability(), ObstacleDistance(...)"
-        )

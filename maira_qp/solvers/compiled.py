@@ -8,7 +8,7 @@ code, and, without redundancy or with one `Posture` or `LimitDistance`, the sett
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -24,12 +24,13 @@ from maira_qp.kernels.tick import KIND, NONE, STRICT, WEIGHT, WEIGHTED, tick
 from maira_qp.orientation import ORTHONORMAL_WITHIN
 from maira_qp.problem.objectives import LimitDistance, Posture
 from maira_qp.problem.redundancy import Strict, Weighted
-from maira_qp.problem.tasks import FrameTask
+from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.robots.robot import Robot
 from maira_qp.robots.serial_chain import chain_of
 from maira_qp.solvers import descent, settling
 from maira_qp.solvers.descent import Budget, Descent
 from maira_qp.solvers.options import Options
+from maira_qp.solvers.priorities import Priorities
 from maira_qp.solvers.search import Search, found_by_kernel
 from maira_qp.solvers.targets import SEED_0, row_of
 from maira_qp.solvers.tick import HALVINGS, SMALL_ERROR
@@ -65,26 +66,26 @@ class Compiled:
     """(2 + 2 n,) kind, weight, reference and weights of a posture, see `maira_qp.kernels.tick`; None: another wish"""
     settling: np.ndarray
     """(7,) see `maira_qp.kernels.settling`"""
+    plain_ticks: bool
+    """No gain, damping or acceleration limit changes a tick"""
 
     @staticmethod
-    def of(
-        robot: Robot,
-        tasks: Sequence[FrameTask],
-        extra_limits: int,
-        redundancy: Weighted | Strict | None,
-        options: Options,
-    ) -> Compiled | str:
+    def of(priorities: Priorities, extra_limits: int, options: Options) -> Compiled | str:
         """The problem's arrays, or the reason why the compiled engine cannot take it."""
-        if len(tasks) > 1:
+        robot, task = priorities.robot, priorities.first[0]
+        if len(priorities.first) > 1:
             return "it has more than one task"
+        if not isinstance(task, FrameTask) or task.target is not None:
+            return "its task is none of PoseTask(), PositionTask() and OrientationTask() with a target from the call"
+        if not task.is_even:
+            return "the axes of its task count differently"
         if extra_limits:
             return "it has limits beside those of the joints"
-        if tasks[0].frame not in (None, robot.tip):
+        if task.frame != robot.tip:
             return "its task is not the tip's"
         if not robot.is_chain:
-            return "the robot has mimic joints" if robot.kinematics.has_mimic else "the robot is a tree"
-        weights = np.zeros(6)
-        weights[tasks[0].rows] = tasks[0].weights
+            return "the robot is no single chain of independent joints"
+        weights = task.all_weights
         settings = np.array(
             [
                 weights[0],
@@ -123,13 +124,19 @@ class Compiled:
             features,
             options.start_candidates,
             options.max_restarts,
-            _posture(robot, redundancy),
+            None if priorities.below else _posture(robot, priorities.redundancy),
             constants,
+            task.gain == 1 and task.damping == 0 and not np.isfinite(robot.acceleration_limit).any(),
         )
 
     def takes(self, starts: np.ndarray | None) -> bool:
         """Whether the kernels can begin there, at (n,) or (N, n): a continuous joint may have wound up too far."""
         return starts is None or bool(np.abs(starts).max(initial=0.0) <= FARTHEST_START)
+
+    @property
+    def ticks(self) -> bool:
+        """The kernels know all of a control tick."""
+        return self.redundancy is not None and self.plain_ticks
 
     @property
     def settles(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -27,6 +28,15 @@ class Setting:
     def bounds(self, at: Configuration, tick: Tick | None = None) -> Bounds:
         """All limits on a displacement from a configuration, in a tick if given."""
         return merge(self.limits, at, tick)
+
+    @cached_property
+    def is_bent(self) -> bool:
+        """Some limits are known by their rows to first order only."""
+        return any(type(limit).violation is not Limit.violation for limit in self.limits)
+
+    def violation(self, at: Configuration) -> float:
+        """By how much a configuration breaks one of them; >= 0."""
+        return max((limit.violation(at) for limit in self.limits), default=0.0)
 
     def moved(self, at: Configuration, dq: np.ndarray) -> Configuration:
         """The configuration after a displacement dq (n,), inside the joint limits to the bit."""

@@ -8,6 +8,9 @@ manifold; the step counts if the pose is within tolerance and the objective fell
 gradient vanishes. (A feasible sequential quadratic programming method: Nocedal and Wright, "Numerical Optimization",
 2006, chapter 18; for the manifold Luenberger, "The gradient projection method along geodesics", 1972.)
 
+Levels of tasks are settled one by one: one that can be met joins the pose in what is held, one that cannot stays an
+objective above those that follow.
+
 *Weighted*: the optimum of `1/2 |W e|^2 + weight objective` lies within the order of the weight of the strict one, at
 the end of a valley as narrow as the weight is small. So the arm first walks along the self-motion as above, and then
 descends the weighted sum from there.
@@ -20,7 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maira_qp.problem.costs import TaskCost, WeightedCost, multipliers, strict_levels
+from maira_qp.problem.costs import LevelObjective, TaskCost, WeightedCost, multipliers, strict_levels
 from maira_qp.problem.hierarchy import projected_gradient, solve_hierarchy
 from maira_qp.problem.limits import Bounds
 from maira_qp.problem.objectives import Objective
@@ -41,6 +44,9 @@ RESTORING = 6
 
 RESTORED = 0.5e-22
 """The pose counts as regained when its cost `1/2 |W e|^2` is below this: an error of 1e-11."""
+
+MET = 1e-18
+"""A level of tasks whose cost is below this is met, and is held from there on as the pose is."""
 
 SAME = 1e-12
 """Two values of a higher objective this near to each other leave the word to the next one."""
@@ -67,10 +73,24 @@ def settle(
 ) -> Settled:
     """From a configuration that reaches the pose to the optimum of the redundancy near it."""
     objectives = redundancy.objectives if isinstance(redundancy, Strict) else (redundancy.objective,)
-    settled = _Walk(cost, objectives, setting, budget, reached).run(at)
+    settled = Settled(at, 0.0)
+    while objectives:
+        met = _tasks_alone(objectives[0])
+        settled = _Walk(cost, objectives if met is None else objectives[:1], setting, budget, reached).run(settled.at)
+        if met is None:
+            break
+        if met.value(settled.at) > MET:  # it stays an objective, and so do those below it
+            settled = _Walk(cost, objectives, setting, budget, reached).run(settled.at)
+            break
+        cost, objectives = TaskCost((*cost.tasks, *met.tasks)), objectives[1:]
     if isinstance(redundancy, Weighted):
         return _trade_off(WeightedCost(cost, redundancy.objective, redundancy.weight), settled.at, setting, budget)
     return settled
+
+
+def _tasks_alone(objective: Objective) -> TaskCost | None:
+    """The tasks of a level that has no objectives; None for what is no such level."""
+    return objective.tasks if isinstance(objective, LevelObjective) and not objective.objectives else None
 
 
 def _trade_off(cost: WeightedCost, at: Configuration, setting: Setting, budget: Budget) -> Settled:

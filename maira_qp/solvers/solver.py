@@ -8,37 +8,34 @@ the verdict is read off a fresh forward kinematics of the configuration that is 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
 from maira_qp.arrays import is_native, real_array
-from maira_qp.errors import BackendError, ConfigurationError, OptionError, PoseError, listed
-from maira_qp.orientation import rigid
+from maira_qp.errors import BackendError, ConfigurationError, OptionError, listed
 from maira_qp.problem.backends import Backend, available
-from maira_qp.problem.costs import TaskCost, tasks_toward
-from maira_qp.problem.limits import Limit, PositionLimit, VelocityLimit
-from maira_qp.problem.pose import as_pose
+from maira_qp.problem.costs import TaskCost
+from maira_qp.problem.limits import AccelerationLimit, Limit, PositionLimit, Tick, VelocityLimit
 from maira_qp.problem.redundancy import Strict, Weighted
-from maira_qp.problem.tasks import FrameTask, PoseTask
+from maira_qp.problem.tasks.objective import ObjectiveTask
+from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
 from maira_qp.solvers.descent import Budget
 from maira_qp.solvers.options import Options
+from maira_qp.solvers.priorities import FARTHEST, Priorities, Targets
 from maira_qp.solvers.search import Search, found_by_kernel, nearest, search, stationarity
 from maira_qp.solvers.setting import Setting
 from maira_qp.solvers.settling import settle
 from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, solution_of
-from maira_qp.solvers.targets import SEED_0, pose_of, row_of, rows_of, seed_words, streams
+from maira_qp.solvers.targets import SEED_0, row_of, seed_words, streams
 from maira_qp.solvers.tick import tick
 
 if TYPE_CHECKING:
     from maira_qp.solvers.compiled import Compiled
-
-FARTHEST = 1e9
-"""Targets farther away than this many lengths of the arm are a mistake, and beyond the numbers."""
 
 Rng = np.random.Generator | int | None
 
@@ -50,8 +47,8 @@ class Solver:
         self,
         robot: Robot,
         *,
-        task: FrameTask | None = None,
-        tasks: Sequence[FrameTask] = (),
+        task: Task | Sequence[Task] | None = None,
+        tasks: Sequence[Task | ObjectiveTask] = (),
         limits: Sequence[Limit] = (),
         redundancy: Weighted | Strict | None = None,
         backend: str | Backend | None = None,
@@ -61,8 +58,10 @@ class Solver:
 
         Args:
             robot: the arm, with its tip and joint limits.
-            task: what of the target is to be reached: `PoseTask()` (default), `PositionTask()`, `OrientationTask()`.
-            tasks: further tasks, each with a target of its own, to be reached together with the first.
+            task: what is to be reached: `PositionTask()`, `LookAtTask(point=...)`, ..., or several of them; None:
+                `PoseTask()` for each tip of the robot.
+            tasks: further tasks and objectives, at the same priority or at lower ones. Those that have no target of
+                their own take it from the call, by their frame.
             limits: further limits, such as `LinearLimit(A, b)`; the joint limits always hold.
             redundancy: `Weighted(...)`, `Strict(...)`, or None: the pose alone.
             backend: who solves each QP: the name of an installed backend of qpsolvers, or `Backend(name, settings)`;
@@ -77,26 +76,21 @@ class Solver:
         _check_type(redundancy, (Weighted, Strict, type(None)), "redundancy", "mq.Strict(mq.Posture())")
         for name, value in (("tasks", tasks), ("limits", limits)):
             _check_type(value, (list, tuple), name, "a list")
-        tasks = (PoseTask() if task is None else task, *tasks)
-        for number, each in enumerate(tasks):
-            _check_type(each, FrameTask, "task", "mq.PoseTask(), mq.PositionTask(), mq.OrientationTask()")
-            if number == 0 and each.target is not None:
-                raise OptionError("the first task's target is the one that solve is called with; leave it out")
-            if number > 0 and each.target is None:
-                raise OptionError("a further task needs a target of its own: mq.PoseTask(frame=..., target=...)")
         for limit in limits:
             _check_type(limit, Limit, "limit", "mq.LinearLimit(A, b)")
         self.robot = robot
-        self.tasks = tuple(each.of(robot) for each in tasks)
-        self.redundancy = None if redundancy is None else redundancy.of(robot)
-        acceleration = np.full(robot.n, np.inf)
-        own = (PositionLimit(robot.lower, robot.upper, acceleration), VelocityLimit(robot.velocity_limit))
+        self._priorities = Priorities.of(robot, task, tasks, redundancy)
+        own = (
+            PositionLimit(robot.lower, robot.upper, robot.acceleration_limit),
+            AccelerationLimit(robot.acceleration_limit),
+            VelocityLimit(robot.velocity_limit),
+        )
         options = options or Options()
         self._compiled: Compiled | None = None
         if backend in (None, "compiled"):
             from maira_qp.solvers.compiled import Compiled  # heavy: Numba comes with it
 
-            possible = Compiled.of(robot, self.tasks, len(limits), self.redundancy, options)
+            possible = Compiled.of(self._priorities, len(limits), options)
             if isinstance(possible, Compiled):
                 self._compiled = possible
             elif backend == "compiled":
@@ -112,6 +106,16 @@ class Solver:
         return self._setting.options
 
     @property
+    def tasks(self) -> tuple[Task, ...]:
+        """The tasks of the first level: what a solve is to reach."""
+        return self._priorities.first
+
+    @property
+    def redundancy(self) -> Weighted | Strict | None:
+        """What was asked for beside the tasks."""
+        return self._priorities.redundancy
+
+    @property
     def limits(self) -> tuple[Limit, ...]:
         """All limits, the robot's own first."""
         return self._setting.limits
@@ -125,12 +129,18 @@ class Solver:
         return f"Solver({self.robot!r}, redundancy={self.redundancy!r}, backend={self.backend!r})"
 
     def solve(
-        self, target: Any, q0: Any = None, rng: Rng = None, *, observe: Callable[[np.ndarray], object] | None = None
+        self,
+        target: Any = None,
+        q0: Any = None,
+        rng: Rng = None,
+        *,
+        observe: Callable[[np.ndarray], object] | None = None,
     ) -> Solution:
         """Joint angles that put the tool at the target.
 
         Args:
-            target: `pin.SE3` or (4, 4), T_base_tool [m].
+            target: `pin.SE3` or (4, 4), T_base_tool [m]; where tasks of several frames need one, {frame: pose}; where
+                all have their own, None.
             q0: start (n,) [rad or m]; None: the nearest of a few hundred known configurations. A start outside the
                 limits is moved onto them.
             rng: generator or seed of what is random about the starts; None: seed 0, so that the same call gives the
@@ -144,18 +154,18 @@ class Solver:
         start = q0 if q0 is None or is_native(q0, (self.robot.n,)) else self._start(q0)
         engine = self._compiled
         if engine is None or observe is not None or self.options.deadline is not None:
-            return self._solve(self._target(target), self._start(start), seed, observe)
+            return self._solve(self._priorities.targets(target), self._start(start), seed, observe)
         fault, q, outcome, settled = engine.solve(self._native(target), start, seed)
         if fault:  # said in words, or for the general engine
-            return self._solve(self._target(target), self._start(start), seed)
+            return self._solve(self._priorities.targets(target), self._start(start), seed)
         found, _, spent, _, position, orientation, moved = outcome
         reached = optimal = found > 0.0
         gradient = cost = math.nan
         if settled:
             found, more, gradient, cost, position, orientation = settled
             reached, spent, optimal = found > 0.0, spent + more, gradient <= self.options.stationarity_tolerance
-        if not optimal or (self.redundancy is not None and not settled):
-            return self._finish_compiled(q, outcome, self._target(target))
+        if not optimal or (not settled and not self._priorities.is_done_by_search):
+            return self._finish_compiled(q, outcome, self._priorities.targets(target))
         return solution_of(
             q=q,
             success=reached,
@@ -188,7 +198,8 @@ class Solver:
         not solved, and costs no other anything: its status is BUDGET_SPENT, its errors are NaN.
 
         Args:
-            targets: (N, 4, 4), or a sequence of `pin.SE3` and (4, 4) arrays.
+            targets: (N, 4, 4), or a sequence of `pin.SE3` and (4, 4) arrays; where tasks of several frames need one,
+                {frame: (N, 4, 4)} or N mappings {frame: pose}.
             q0: a start (n,) for all, or (N, n) one each; None: as for `solve`.
             seed: non-negative integer.
             threads: how many threads the compiled engine may use; None: one a processor. No answer depends on it.
@@ -196,60 +207,76 @@ class Solver:
 
         Raises `PoseError`, `ConfigurationError` or `OptionError`, naming the target, before anything is solved.
         """
-        rows = rows_of(_batch_of_targets(targets))
-        for i in np.flatnonzero(np.abs(rows[:, 9:]).max(axis=1, initial=0.0) > FARTHEST * self.robot.length):
-            _check_distance(rows[i, 9:], self.robot.length, f"target {i}")
+        rows = self._priorities.rows(targets)
         starts = _starts(q0, len(rows), self.robot.n)
         words = _seed_words(seed)
         if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
             raise OptionError(f"threads must be a positive whole number, got {threads!r}")
         batch = BatchSolution.blank(self.robot, self.backend, len(rows))
         batch.q[:] = self.robot.middle
-        finite = np.isfinite(rows[:, 0])
+        finite = np.isfinite(rows[:, 0, 0])
         engine = self._compiled
         if engine is None or self.options.deadline is not None or not engine.takes(starts):
             for i in range(len(rows)):
                 if finite[i]:
-                    batch.put(i, self._solve(pose_of(rows[i]), None if starts is None else starts[i], words))
+                    targets = self._priorities.of_row(rows[i])
+                    batch.put(i, self._solve(targets, None if starts is None else starts[i], words))
                 if progress is not None:
                     progress(i + 1, len(rows))
             return batch
-        shuffled = bool(words.any())
-        all_of_it = self.redundancy is None or engine.settles
+        one, shuffled = np.ascontiguousarray(rows[:, 0]), bool(words.any())
+        all_of_it = self._priorities.is_done_by_search or engine.settles
         told = progress if all_of_it else None  # else what takes the time is yet to come
-        q, outcome, settled = engine.solve_batch(rows, starts, streams(rows, words), shuffled, threads, told)
+        q, outcome, settled = engine.solve_batch(one, starts, streams(one, words), shuffled, threads, told)
         batch.put_search(q, outcome)
         if engine.settles:
             batch.put_settled(settled, self.options.stationarity_tolerance)
         left = finite & ~batch.optimal if all_of_it else finite
         for i in range(len(rows)):
             if left[i]:
-                batch.put(i, self._finish_compiled(q[i], outcome[i].tolist(), pose_of(rows[i])))
+                batch.put(i, self._finish_compiled(q[i], outcome[i].tolist(), self._priorities.of_row(rows[i])))
             if progress is not None and not all_of_it:
                 progress(i + 1, len(rows))
         return batch
 
-    def step(self, q: Any, target: Any, dt: float) -> Step:
-        """One control tick of dt [s] from q (n,) toward the target, within position and velocity limits.
+    def step(
+        self, q: Any, target: Any = None, dt: float = math.nan, *, velocity: Any = None, deadline: float | None = None
+    ) -> Step:
+        """One control tick of dt [s] from q (n,) toward the target, within all limits.
 
-        The hierarchy's QP is solved once at q: level 1 the pose, level 2 the redundancy (`Strict`), or both in one
-        (`Weighted`). A joint outside its limits comes back at its limit speed.
+        The hierarchy's QPs are solved once at q, level by level. A joint outside its limits comes back at its limit
+        speed.
+
+        Args:
+            q: configuration (n,) of now [rad or m].
+            target: as for `solve`.
+            dt: length of the tick [s].
+            velocity: velocity (n,) of now [rad/s or m/s], that of the last tick; needed where the robot has limits on
+                the acceleration, which are kept against it.
+            deadline: levels that are not solved after this time [s] are left out; None: all are solved.
+
         Raises `PoseError`, `ConfigurationError`, `OptionError`.
         """
         if not isinstance(dt, (int, float, np.number)) or not 0 < dt < math.inf:
             raise OptionError(f"dt must be a positive number of seconds, got {dt!r}")
-        engine = self._compiled
-        if engine is not None and engine.redundancy is not None:
-            start = q if is_native(q, (self.robot.n,)) else real_array(q, (self.robot.n,), "q", ConfigurationError)
-            fault, ahead, velocity, (position, orientation) = engine.tick(self._native(target), start, float(dt))
+        engine, n = self._compiled, self.robot.n
+        if engine is not None and engine.ticks:
+            start = q if is_native(q, (n,)) else real_array(q, (n,), "q", ConfigurationError)
+            fault, ahead, speed, (position, orientation) = engine.tick(self._native(target), start, float(dt))
             if not fault:
-                return Step(velocity, ahead, position, orientation, self.robot)
-        pose = self._target(target)
-        at = self.robot.at(real_array(q, (self.robot.n,), "q", ConfigurationError))
-        cost = tasks_toward(self.tasks, pose)
-        q_next, velocity = tick(cost, self.redundancy, at, self._setting, float(dt))
+                return Step(speed, ahead, position, orientation, self.robot)
+        if velocity is None and np.isfinite(self.robot.acceleration_limit).any():
+            raise OptionError(
+                "with limits on the acceleration a step needs the velocity of now: velocity=last.velocity"
+            )
+        if deadline is not None and not (isinstance(deadline, (int, float)) and deadline > 0):
+            raise OptionError(f"deadline must be a positive number of seconds, got {deadline!r}")
+        now = np.zeros(n) if velocity is None else real_array(velocity, (n,), "velocity", ConfigurationError)
+        cost, wish = self._priorities.costs(self._priorities.targets(target))
+        at = self.robot.at(real_array(q, (n,), "q", ConfigurationError))
+        q_next, speed = tick(cost, wish, at, self._setting, Tick(float(dt), now), deadline)
         position, orientation = _residual(cost, self.robot.at(q_next))
-        return Step(velocity, q_next, position, orientation, self.robot)
+        return Step(speed, q_next, position, orientation, self.robot)
 
     def _start(self, q0: Any) -> np.ndarray | None:
         return None if q0 is None else real_array(q0, (self.robot.n,), "q0", ConfigurationError)
@@ -260,43 +287,37 @@ class Solver:
         far = FARTHEST * self.robot.length
         if is_native(T, (4, 4)) and not max(abs(T[0, 3]), abs(T[1, 3]), abs(T[2, 3])) > far:
             return T
-        return np.ascontiguousarray(self._target(target).homogeneous)
-
-    def _target(self, target: Any) -> pin.SE3:
-        if isinstance(target, Mapping):
-            raise PoseError("one target a call, not a mapping; further frames go in Solver(tasks=[...])")
-        pose = as_pose(target)
-        _check_distance(pose.translation, self.robot.length, "target")
-        return pose
+        (pose,) = self._priorities.targets(target).values()
+        return np.ascontiguousarray(pose.homogeneous)
 
     def _solve(
         self,
-        target: pin.SE3,
+        targets: Targets,
         q0: np.ndarray | None,
         seed: np.ndarray,
         observe: Callable[[np.ndarray], object] | None = None,
     ) -> Solution:
         """Search, then settle and judge."""
         budget = Budget(self.options.deadline, observe)
-        cost = tasks_toward(self.tasks, target)
+        cost, wish = self._priorities.costs(targets)
         reached = self._reached(cost)
         start = None if q0 is None else self._setting.admitted(q0)
-        row = row_of(target)
-        stream = streams(row[None], seed)
+        rows = np.array([[row_of(pose) for pose in targets.values()]]).reshape(1, -1, 12)
+        stream = streams(rows, seed)
         engine = self._compiled
         if engine is not None and observe is None and engine.takes(start):
-            found = engine.search(row, start, stream, bool(seed.any()), budget)
+            found = engine.search(rows[0, 0], start, stream, bool(seed.any()), budget)
         else:
             found = search(cost, start, self._setting, budget, lambda: np.random.default_rng(int(stream[0])), reached)
         moved = bool(start is not None and (start != q0).any())
-        return self._finish(found, cost, reached, budget, moved)
+        return self._finish(found, cost, wish, reached, budget, moved)
 
-    def _finish_compiled(self, q: np.ndarray, outcome: list[float], target: pin.SE3) -> Solution:
+    def _finish_compiled(self, q: np.ndarray, outcome: list[float], targets: Targets) -> Solution:
         """From what the compiled search left in q (n,) and outcome (7,)."""
-        cost = tasks_toward(self.tasks, target)
+        cost, wish = self._priorities.costs(targets)
         found = found_by_kernel(self.robot, q, outcome)
         budget = Budget(None, iterations=int(outcome[2]))
-        return self._finish(found, cost, self._reached(cost), budget, outcome[6] > 0.0)
+        return self._finish(found, cost, wish, self._reached(cost), budget, outcome[6] > 0.0)
 
     def _reached(self, cost: TaskCost) -> Callable[[Configuration], bool]:
         options = self.options
@@ -311,6 +332,7 @@ class Solver:
         self,
         found: Search,
         cost: TaskCost,
+        wish: Weighted | Strict | None,
         reached: Callable[[Configuration], bool],
         budget: Budget,
         start_projected: bool,
@@ -321,13 +343,13 @@ class Solver:
         if not found.best.reached:
             at = nearest(cost, found.best, setting, budget).at
             gradient = stationarity(cost, at, setting)
-        elif self.redundancy is not None:
-            settled = settle(self.redundancy, cost, at, setting, budget, reached)
+        elif wish is not None:
+            settled = settle(wish, cost, at, setting, budget, reached)
             at, gradient = settled.at, settled.projected_gradient
         fresh = self.robot.at(self.robot.clip(at.q))
         success = reached(fresh)
         position, orientation = _residual(cost, fresh)
-        optimal = gradient <= tolerance or (success and self.redundancy is None)
+        optimal = gradient <= tolerance or (success and wish is None)
         stalled = Status.NEAREST if optimal else Status.BUDGET_SPENT
         return Solution(
             q=fresh.q.copy(),
@@ -337,7 +359,7 @@ class Solver:
             orientation_error=orientation,
             iterations=budget.iterations,
             restarts=found.restarts,
-            cost=self._objective_cost(fresh),
+            cost=_objective_cost(wish, fresh),
             projected_gradient=gradient,
             optimal=optimal,
             start_projected=start_projected,
@@ -345,16 +367,11 @@ class Solver:
             _robot=self.robot,
         )
 
-    def _objective_cost(self, at: Configuration) -> float:
-        if self.redundancy is None:
-            return math.nan
-        first = self.redundancy.objectives[0] if isinstance(self.redundancy, Strict) else self.redundancy.objective
-        return first.cost(at)
 
-
-def _check_distance(p: np.ndarray, length: float, name: str) -> None:
-    if np.abs(p).max() > FARTHEST * length:
-        raise PoseError(f"the {name} is {np.abs(p).max():.3g} m away, more than {FARTHEST:g} times the arm's length")
+def _objective_cost(wish: Weighted | Strict | None, at: Configuration) -> float:
+    if wish is None:
+        return math.nan
+    return (wish.objectives[0] if isinstance(wish, Strict) else wish.objective).cost(at)
 
 
 def _residual(cost: TaskCost, at: Configuration) -> tuple[float, float]:
@@ -375,20 +392,6 @@ def _seed_words(value: Any) -> np.ndarray:
     if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 0:
         raise OptionError(f"a seed must be a non-negative integer (or, for rng, a Generator), got {value!r:.80}")
     return seed_words(int(value))
-
-
-def _batch_of_targets(targets: Any) -> np.ndarray:
-    """The targets of a batch as (N, 4, 4), checked. Raises `PoseError`."""
-    if isinstance(targets, (pin.SE3, str, bytes, Mapping)) or not isinstance(targets, Iterable):
-        raise PoseError("targets must be a sequence of poses, (N, 4, 4); for one target use solve")
-    if not isinstance(targets, np.ndarray):
-        targets = [each.homogeneous if isinstance(each, pin.SE3) else each for each in targets]
-    if not len(targets):
-        return np.empty((0, 4, 4))
-    try:
-        return real_array(targets, (None, 4, 4), "targets", PoseError, finite=None)
-    except PoseError:
-        return np.array([rigid(each, f"target {i}") for i, each in enumerate(targets)]).reshape(-1, 4, 4)
 
 
 def _starts(q0: Any, count: int, n: int) -> np.ndarray | None:

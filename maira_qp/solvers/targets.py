@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+from typing import Any
+
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.errors import OptionError
+from maira_qp.arrays import real_array
+from maira_qp.errors import OptionError, PoseError
 from maira_qp.orientation import ORTHONORMAL_WITHIN, rigid
 
 WORD = 2**64
+
+MULTIPLIER = np.uint64(0x9E3779B97F4A7C15)
+"""Odd, so that no pose of a target is lost when the poses are mixed: 2^64 over the golden ratio (Knuth, "The Art of
+Computer Programming", volume 3, section 6.4)."""
 
 
 def row_of(target: pin.SE3) -> np.ndarray:
@@ -48,10 +56,31 @@ SEED_0 = seed_words(0)
 
 
 def streams(rows: np.ndarray, words: np.ndarray) -> np.ndarray:
-    """64 bits (N,) for each of the targets (N, 12) that begin its random stream: of the target and the
-    seed's words (2,) alone."""
+    """64 bits (N,) that begin the random stream of each of N targets (N, 12), or of K poses each (N, K, 12).
+
+    They depend on the target and the seed's words (2,) alone.
+    """
     from maira_qp.kernels.random_numbers import streams_of
 
+    if rows.ndim == 3:
+        mixed = np.zeros(len(rows), dtype=np.uint64)
+        for k in range(rows.shape[1]):
+            mixed = mixed * MULTIPLIER + streams(np.ascontiguousarray(rows[:, k]), words)
+        return mixed
     result = np.empty(len(rows), dtype=np.uint64)
     streams_of(rows, words, result)
     return result
+
+
+def poses_of_batch(targets: Any, name: str = "target") -> np.ndarray:
+    """The targets of a batch as (N, 4, 4), checked. Raises `PoseError`."""
+    if isinstance(targets, (pin.SE3, str, bytes, Mapping)) or not isinstance(targets, Iterable):
+        raise PoseError(f"{name}s must be a sequence of poses, (N, 4, 4); for one target use solve")
+    if not isinstance(targets, np.ndarray):
+        targets = [each.homogeneous if isinstance(each, pin.SE3) else each for each in targets]
+    if not len(targets):
+        return np.empty((0, 4, 4))
+    try:
+        return real_array(targets, (None, 4, 4), f"{name}s", PoseError, finite=None)
+    except PoseError:
+        return np.array([rigid(each, f"{name} {i}") for i, each in enumerate(targets)]).reshape(-1, 4, 4)

@@ -1,21 +1,29 @@
-"""One control tick: the hierarchy's QP at the configuration of now, limits on position and velocity in one box.
+"""One control tick: the hierarchy's QPs at the configuration of now, with limits on position, speed and acceleration.
 
-Level 1 is Newton's model of the true error, which near the target is that of Gauss-Newton, and where the target cannot
-be reached still comes to rest. What each level adds is halved until it is safe: level 1 until the true error does not
-rise, the levels below until the objective falls and level 1 keeps half of its gain, or an error below `SMALL_ERROR`.
+The levels are Newton's models of the true costs, which near the target are those of Gauss-Newton, and where the target
+cannot be reached still come to rest. What each level adds is halved until it is safe: until its own true cost does not
+rise, no level above loses more than half of what it has just gained (or an error below `SMALL_ERROR`), and no limit is
+broken that the QP knows to first order only. What cannot be made safe is left out.
+
+With limits on the acceleration a joint that runs at full speed passes its goal, however well it can brake. So the tick
+first looks where the levels would go if there were no time, and then goes that way only so fast that every joint could
+still stop where it ends.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maira_qp.problem.costs import Cost, ExactTaskCost, TaskCost, WeightedCost, strict_levels
-from maira_qp.problem.hierarchy import solve_each_level
-from maira_qp.problem.limits import Tick
-from maira_qp.problem.objectives import Objective
+from maira_qp.problem.costs import ExactTaskCost, LevelObjective, TaskCost, WeightedCost, strict_levels
+from maira_qp.problem.hierarchy import Level, solve_each_level
+from maira_qp.problem.limits import Bounds, Tick, braking_displacement
 from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.tasks.objective import ObjectiveTask
+from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.configuration import Configuration
 from maira_qp.solvers.descent import LEAST_DAMPING
 from maira_qp.solvers.setting import Setting
@@ -25,59 +33,139 @@ SMALL_ERROR = 1e-3
 
 HALVINGS = 12
 
+REST = 1e-18
+"""A cost `1/2 |W e|^2` may rise to this: what is below is rounding."""
+
+
+@dataclass(frozen=True)
+class _Model:
+    """A level: its true cost, and the quadratic model of it that the hierarchy solves."""
+
+    value: Callable[[Configuration], float]
+    level: Level
+
 
 def tick(
-    cost: TaskCost, redundancy: Weighted | Strict | None, at: Configuration, setting: Setting, dt: float
+    cost: TaskCost,
+    redundancy: Weighted | Strict | None,
+    at: Configuration,
+    setting: Setting,
+    now: Tick,
+    deadline: float | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Configuration (n,) after a tick of dt [s] and the velocity (n,) that leads to it.
+    """Configuration (n,) after a tick and the velocity (n,) that leads to it.
 
     From inside the position limits the next configuration is inside them to the bit, and the velocity within the
-    velocity limits to the bit always. A backend that fails leaves the arm where it is, as far as the limits allow.
+    velocity limits to the bit always. A backend that fails leaves the arm where it is, as far as the limits allow; a
+    `deadline` [s] that passes leaves out the levels that are not solved by then.
     """
-    robot, bounds = setting.robot, setting.bounds(at, Tick(dt, np.zeros(at.n)))
-    objectives = redundancy.objectives if isinstance(redundancy, Strict) else ()
-    merit: Cost = cost
-    if isinstance(redundancy, Weighted):
-        merit = WeightedCost(cost, redundancy.objective, redundancy.weight)
-        first, below = merit.level(at), []
-    else:
-        _, *below = strict_levels(cost, objectives, at, bounds.held)
-        first = ExactTaskCost(cost).level(at)
-    mu = setting.options.damping * min(first.squared_error, 1.0) + LEAST_DAMPING * float(np.abs(first.H).max())
-    displacements = solve_each_level([first.damped(mu), *below], bounds, setting.backend)
-    dq = np.clip(_safe(merit, objectives, at, displacements), bounds.lower, bounds.upper)
+    end = None if deadline is None else time.monotonic() + deadline
+    robot, bounds = setting.robot, setting.bounds(at, now)
+    models = _models(cost, redundancy, at, setting, now, bounds)
+    levels = [model.level for model in models]
+    if np.isfinite(robot.acceleration_limit).any():
+        levels = _slowed(levels, at, setting, now)
+    displacements = solve_each_level(levels, bounds, setting.backend, end)
+    dq = np.clip(_safe(models, at, displacements, setting, bounds), bounds.lower, bounds.upper)
     inside = (at.q >= robot.lower) & (at.q <= robot.upper)
     q = np.where(inside, np.clip(at.q + dq, robot.lower, robot.upper), at.q + dq)
-    return q, np.clip(dq / dt, -robot.velocity_limit, robot.velocity_limit)
+    return q, np.clip(dq / now.dt, -robot.velocity_limit, robot.velocity_limit)
+
+
+def _models(
+    cost: TaskCost,
+    redundancy: Weighted | Strict | None,
+    at: Configuration,
+    setting: Setting,
+    now: Tick,
+    bounds: Bounds,
+) -> list[_Model]:
+    """The levels in falling priority."""
+    objectives = redundancy.objectives if isinstance(redundancy, Strict) else ()
+    weighted = (ObjectiveTask(redundancy.objective, redundancy.weight),) if isinstance(redundancy, Weighted) else ()
+    cost, soft = split_equalities(cost, weighted)
+    if weighted and not soft:
+        merit = WeightedCost(cost, weighted[0].objective, weighted[0].weight)
+        return [_Model(merit.value, _damped(merit.level(at), cost, at, setting))]
+    below = (*soft, *objectives)
+    plain = [each.without_wishes() if isinstance(each, LevelObjective) else each for each in below]
+    _, *levels = strict_levels(cost.without_wishes(), plain, at, bounds.held)
+    models = [_Model(cost.value, _of_tasks(ExactTaskCost(cost.without_wishes()).level(at), cost, at, setting, now))]
+    for objective, model, level in zip(below, plain, levels, strict=True):
+        if isinstance(objective, LevelObjective) and isinstance(model, LevelObjective):
+            level = replace(_of_tasks(level, objective.tasks, at, setting, now), c=model.pull(at))
+        models.append(_Model(objective.cost, level))
+    return models
+
+
+def _of_tasks(level: Level, cost: TaskCost, at: Configuration, setting: Setting, now: Tick) -> Level:
+    """A level's model with the gains, the inequalities and the damping of its tasks."""
+    return _damped(replace(level, c=cost.without_wishes().pull(at), wishes=cost.wishes(at, now)), cost, at, setting)
+
+
+def _damped(level: Level, cost: TaskCost, at: Configuration, setting: Setting) -> Level:
+    """The level with Levenberg-Marquardt damping by the error, the solver's and the tasks' own."""
+    mu = setting.options.damping * min(level.squared_error, 1.0) + LEAST_DAMPING * float(np.abs(level.H).max())
+    return level.damped(mu + cost.damping(at))
+
+
+def _slowed(levels: list[Level], at: Configuration, setting: Setting, now: Tick) -> list[Level]:
+    """The levels with their pull reduced until every joint can stop where they end."""
+    ends = solve_each_level(levels, setting.bounds(at), setting.backend)
+    if not ends:
+        return levels
+    way = np.abs(ends[-1])
+    change = setting.robot.acceleration_limit * now.dt**2
+    share = np.min(braking_displacement(way, change)[way > 0] / way[way > 0], initial=1.0)
+    return [replace(level, c=share * level.c) for level in levels]
 
 
 def _safe(
-    merit: Cost, objectives: Sequence[Objective], at: Configuration, displacements: list[np.ndarray]
+    models: Sequence[_Model], at: Configuration, displacements: Sequence[np.ndarray], setting: Setting, bounds: Bounds
 ) -> np.ndarray:
-    """The displacement (n,) of the lowest level, each part shortened until the true costs allow it."""
-    still = np.zeros_like(at.q)
-    if not displacements:
-        return still
-    now = merit.value(at)
-    dq = _halved(at, still, displacements[0], lambda trial: merit.value(trial) <= now)
-    if len(displacements) == 1:
-        return dq
-    there = at.moved(dq)
-    most = max(0.5 * (now + merit.value(there)), 0.5 * SMALL_ERROR**2)
-    before = objectives[0].cost(there)
-
-    def allowed(trial: Configuration) -> bool:
-        return merit.value(trial) <= most and objectives[0].cost(trial) <= before + 1e-9 * (1 + abs(before))
-
-    return _halved(at, dq, displacements[-1] - displacements[0], allowed)
+    """The displacement (n,) with each level's part shortened until the true costs and the bent limits allow it."""
+    dq, solved = bounds.rest, bounds.rest
+    broken = max(setting.violation(at), setting.violation(at.moved(dq))) if setting.is_bent else 0.0
+    most: list[float] = []
+    for k, displacement in enumerate(displacements):
+        there = at.moved(dq)
+        before = [models[j].value(there) for j in range(k + 1)]
+        highest = [*most, before[k] + (1e-9 * (1 + abs(before[k])) if k else 0.0)]
+        part, solved = displacement - solved, displacement
+        dq = dq + _share(models[: k + 1], highest, broken, at, dq, part, setting, bounds)
+        after = models[k].value(at.moved(dq))
+        most.append(max(0.5 * (before[k] + after), 0.5 * SMALL_ERROR**2))
+    return dq
 
 
-def _halved(
-    at: Configuration, start: np.ndarray, part: np.ndarray, allowed: Callable[[Configuration], bool]
+def _share(
+    models: Sequence[_Model],
+    highest: Sequence[float],
+    broken: float,
+    at: Configuration,
+    dq: np.ndarray,
+    part: np.ndarray,
+    setting: Setting,
+    bounds: Bounds,
 ) -> np.ndarray:
-    """start + share part (n,), the share halved until it is allowed; start if it never is."""
+    """The largest of `HALVINGS` shares of a part (n,) that may follow dq (n,); zero if none may."""
     for _ in range(HALVINGS):
-        if allowed(at.moved(start + part)):
-            return start + part
+        trial = dq + part
+        if bounds.contain(trial):
+            there = at.moved(trial)
+            costs_allow = all(model.value(there) <= high for model, high in zip(models, highest, strict=True))
+            if costs_allow and not (setting.is_bent and setting.violation(there) > broken):
+                return part
         part = 0.5 * part
-    return start
+    return np.zeros_like(dq)
+
+
+def split_equalities(
+    cost: TaskCost, weighted: tuple[ObjectiveTask, ...] = ()
+) -> tuple[TaskCost, tuple[LevelObjective, ...]]:
+    """The tasks of a level, or, if some are equalities, these, and below them the others with what is weighted."""
+    equalities: list[Task] = [task for task in cost.tasks if task.equality]
+    others = [task for task in cost.tasks if not task.equality]
+    if not equalities or not (others or weighted):
+        return cost, ()
+    return TaskCost(tuple(equalities)), (LevelObjective(TaskCost(tuple(others)), weighted),)

@@ -1,0 +1,151 @@
+"""Directions: an axis of a frame is to point along a direction, or at a point; the turn about it is free.
+
+The error is the rotation vector that takes the axis a to the desired direction d the short way, `theta u`, with
+`u = a x d / |a x d|`. It falls by `u . w` for a turn w of the frame, so that with the geometric Jacobian `-J^T e` is
+the exact gradient of `1/2 theta^2`. The turn about d is taken out of the rows: it costs nothing, and is left to others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from maira_qp.arrays import real_array
+from maira_qp.errors import OptionError
+from maira_qp.problem.tasks.frame import TargetTask
+from maira_qp.problem.tasks.task import checked_weights
+from maira_qp.robots.configuration import Configuration
+from maira_qp.robots.robot import Robot
+
+
+@dataclass(frozen=True, kw_only=True)
+class _DirectionTask(TargetTask):
+    """An axis of a frame has a direction to point along."""
+
+    axis: Any = (0.0, 0.0, 1.0)
+    """The axis (3,) in the frame; any length but 0."""
+    weight: float = 1.0
+    """What an error of 1 rad counts; > 0."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        checked_weights(self.weight, "weight", 1)
+        object.__setattr__(self, "axis", unit_vector(self.axis, "axis"))
+
+    @property
+    def weights(self) -> float:
+        """One for all rows."""
+        return float(self.weight)
+
+    def error(self, at: Configuration) -> np.ndarray:
+        """Rotation vector (3,) [rad] in base axes that takes the axis to the desired direction."""
+        placement = at.placement(self.frame)
+        return rotation_between(placement.rotation @ self.axis, self._direction(placement.translation)[0])
+
+    def jacobian(self, at: Configuration) -> np.ndarray:
+        """Jacobian (3, n) [rad/rad] of rank 2."""
+        d, distance = self._direction(at.placement(self.frame).translation)
+        J = at.jacobian(self.frame)
+        D = skew(d)
+        turn = J[3:] if distance is None else J[3:] + D @ J[:3] / distance
+        return -D @ D @ turn  # -D D takes out what is along d
+
+    def _direction(self, origin: np.ndarray) -> tuple[np.ndarray, float | None]:
+        """The desired direction (3,) from a frame's origin (3,), and the distance [m] of what is looked at."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisTask(_DirectionTask):
+    """An axis of a frame is to point along a direction of the base, or along the same axis of a target pose."""
+
+    direction: Any = None
+    """(3,) in the base; any length but 0; None: that of the `axis` in the target."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.direction is not None:
+            if self.target is not None:
+                raise OptionError("an AxisTask has a direction or a target, not both")
+            object.__setattr__(self, "direction", unit_vector(self.direction, "direction"))
+
+    @property
+    def target_frame(self) -> str | None:
+        """The frame, unless a direction is given."""
+        return super().target_frame if self.direction is None else None
+
+    def toward(self, targets: Any) -> AxisTask:
+        """With its target, unless a direction is given."""
+        task = super().toward(targets) if self.direction is None else self
+        assert isinstance(task, AxisTask)
+        return task
+
+    def _direction(self, origin: np.ndarray) -> tuple[np.ndarray, None]:
+        return (self.target.rotation @ self.axis if self.direction is None else self.direction), None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LookAtTask(_DirectionTask):
+    """An axis of a frame, such as a camera's, is to point at a point, or at the origin of a target pose."""
+
+    point: Any = None
+    """(3,) in the base [m]; None: the origin of the target."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.point is not None:
+            if self.target is not None:
+                raise OptionError("a LookAtTask has a point or a target, not both")
+            object.__setattr__(self, "point", real_array(self.point, (3,), "point of LookAtTask", OptionError))
+
+    def of(self, robot: Robot) -> LookAtTask:
+        """With the frame's name."""
+        return replace(self, frame=super().of(robot).frame)
+
+    @property
+    def target_frame(self) -> str | None:
+        """The frame, unless a point is given."""
+        return super().target_frame if self.point is None else None
+
+    def toward(self, targets: Any) -> LookAtTask:
+        """With its target, unless a point is given."""
+        task = super().toward(targets) if self.point is None else self
+        assert isinstance(task, LookAtTask)
+        return task
+
+    def _direction(self, origin: np.ndarray) -> tuple[np.ndarray, float]:
+        away = (self.target.translation if self.point is None else self.point) - origin
+        distance = max(float(np.linalg.norm(away)), NEAR)
+        return (away / distance if distance > NEAR else np.array([0.0, 0.0, 1.0])), distance
+
+
+NEAR = 1e-9
+"""A point nearer than this [m] to the frame is in no direction."""
+
+
+def rotation_between(a: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Rotation vector (3,) [rad] that takes the unit vector a (3,) to d (3,) the short way; half a turn has many."""
+    across, along = np.cross(a, d), float(a @ d)
+    sine = float(np.linalg.norm(across))
+    if sine < 1e-12 and along < 0:
+        across = np.cross(a, np.eye(3)[np.abs(a).argmin()])
+        return np.pi * across / np.linalg.norm(across)
+    return across * (np.arctan2(sine, along) / sine) if sine > 0 else np.zeros(3)
+
+
+def skew(v: np.ndarray) -> np.ndarray:
+    """`skew(v) @ x = v x x`, (3, 3)."""
+    x, y, z = v
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def unit_vector(value: Any, name: str) -> np.ndarray:
+    """A direction (3,) of length 1. Raises `OptionError`."""
+    v = real_array(value, (3,), name, OptionError)
+    largest = np.abs(v).max()
+    if largest == 0:
+        raise OptionError(f"{name} has no direction: it is zero")
+    v = v / largest
+    return v / np.linalg.norm(v)

@@ -1,0 +1,243 @@
+"""Pose tasks: a frame is to take a target pose, or a part of it.
+
+The error of a frame against its target in base axes is `e = [p_d - p; phi]`, with phi the rotation vector
+`2 log(quat(R_d R^T))`. The task's cost `1/2 |W e|^2` has the exact gradient `-J^T W^2 e` with the geometric Jacobian J,
+since the logarithm's own derivative leaves phi where it is (Sola, Deray and Atchuthan, "A micro Lie theory for state
+estimation in robotics", 2018, section 3.3). Hence a stationary point of the iteration is one of the true error. Where
+the three axes of the orientation count differently, that derivative enters: `J^-1_r(phi)`, their equation (144).
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from maira_qp.errors import OptionError
+from maira_qp.orientation import orientation_error
+from maira_qp.problem.pose import as_pose
+from maira_qp.problem.tasks.task import Task, checked_weights
+from maira_qp.robots.configuration import Configuration
+from maira_qp.robots.robot import Robot
+
+METRE = 4.0
+"""What an error of the arm's whole length counts unless a weight is given [rad]: 2 rad/m for an arm of 2 m."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetTask(Task):
+    """A task with a target pose for a frame: its own, or the one that the solver is called with."""
+
+    frame: str | None = None
+    """The frame's name; None: the robot's tip."""
+    target: Any = None
+    """Its pose in the base: `pin.SE3` or (4, 4) array; None: the target that the solver is called with."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.target is not None:
+            object.__setattr__(self, "target", as_pose(self.target))
+
+    def of(self, robot: Robot) -> TargetTask:
+        """With the frame's name. Raises `FrameError` for a frame that the robot does not have."""
+        robot.frame_id(self.frame)
+        return replace(self, frame=robot.tip if self.frame is None else self.frame)
+
+    @property
+    def target_frame(self) -> str | None:
+        """The frame, unless the task has a target of its own."""
+        return self.frame if self.target is None else None
+
+    def toward(self, targets: Mapping[str, pin.SE3]) -> TargetTask:
+        """The same task with the target of its frame, unless it has one of its own."""
+        if self.target is not None:
+            return self
+        bound = copy(self)
+        object.__setattr__(bound, "target", targets[self.frame])  # type: ignore[index]
+        return bound
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameTask(TargetTask):
+    """A frame of the robot is to take a target pose, or a part of it."""
+
+    axes: str = "base"
+    """Whose axes the weights of single rows belong to: "base", or "target", those of the target (and, once it is
+    reached, of the frame)."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.axes not in ("base", "target"):
+            raise OptionError(f"axes must be 'base' or 'target', got {self.axes!r}")
+        for name in ("position_weight", "orientation_weight"):
+            value = getattr(self, name, None)
+            if value is not None:
+                checked_weights(value, name, 3)
+
+    def of(self, robot: Robot) -> FrameTask:
+        """The task with weights made for the robot's size. Raises `FrameError` for a frame that it does not have."""
+        task = super().of(robot)
+        if getattr(task, "position_weight", 0.0) is None:
+            task = replace(task, position_weight=METRE / robot.length)  # type: ignore[call-arg]
+        assert isinstance(task, FrameTask)
+        return task
+
+    @abstractmethod
+    def six_weights(self) -> np.ndarray:
+        """Weights (6,) of the linear and angular rows, 0 for what is left free."""
+
+    @cached_property
+    def all_weights(self) -> np.ndarray:
+        """`six_weights`, read-only."""
+        weights = self.six_weights()
+        weights.setflags(write=False)
+        return weights
+
+    @cached_property
+    def is_even(self) -> bool:
+        """The linear rows count the same each, and so do the angular rows: the axes do not matter."""
+        w = self.all_weights
+        return bool((w[:3] == w[0]).all() and (w[3:] == w[3]).all())
+
+    @cached_property
+    def kept(self) -> np.ndarray:
+        """Which of the six rows (6,) count at all."""
+        return self.all_weights > 0
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Weights (m,) of the rows that count."""
+        return self._kept_weights
+
+    @cached_property
+    def _kept_weights(self) -> np.ndarray:
+        return self.all_weights[self.kept]
+
+    def error(self, at: Configuration) -> np.ndarray:
+        """Error (m,) [m, rad] of the frame against the target, the rows that count."""
+        e = frame_error(at.placement(self.frame), self.target)
+        if self.axes == "target":
+            e = (e.reshape(2, 3) @ self.target.rotation).ravel()
+        return e[self.kept]
+
+    def jacobian(self, at: Configuration) -> np.ndarray:
+        """Jacobian (m, n): the error falls by J dq. Even weights: the geometric Jacobian in base axes."""
+        J = at.jacobian(self.frame)
+        w = self.all_weights
+        if (w[3:] != w[3]).any():
+            phi = orientation_error(at.placement(self.frame).rotation, self.target.rotation)
+            J = np.vstack([J[:3], inverse_right_jacobian(phi) @ J[3:]])
+        if self.axes == "target":
+            J = (self.target.rotation.T @ J.reshape(2, 3, -1)).reshape(6, -1)
+        return J[self.kept]
+
+    def curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
+        """That of the frame's pose (n, n); of angular rows that count differently at zero error."""
+        return at.kinematic_hessian_product(self.frame, self._in_base(self.weights * multipliers))
+
+    def hessian(self, at: Configuration) -> np.ndarray:
+        """The exact Hessian `J^T W A(phi) W J - sum_k (W e)_k d2(W f)_k/dq2` (n, n), f the frame's pose.
+
+        A is the symmetric part of the inverse left Jacobian of SO(3) at phi, `I + k [phi]x^2`, which enters since a
+        turn of R across phi changes phi by less than itself (Sola et al., 2018, appendix B); for the linear rows A = I.
+        Where angular rows count differently their part is Gauss-Newton's.
+        """
+        A, r = self.rows(at)
+        pull = self._in_base(self.weights * r)
+        w = self.all_weights[3:]
+        if (w != w[0]).any():
+            pull[3:] = 0.0
+        H = A.T @ A - at.kinematic_hessian_product(self.frame, pull)
+        if w[0] > 0 and (w == w[0]).all():
+            phi = orientation_error(at.placement(self.frame).rotation, self.target.rotation)
+            turn = w[0] * np.cross(phi, at.jacobian(self.frame)[3:], axisb=0).T
+            H -= _flattening(float(np.linalg.norm(phi))) * turn.T @ turn
+        return H
+
+    def _in_base(self, values: np.ndarray) -> np.ndarray:
+        """Values (m,) of the rows that count as (6,) in base axes."""
+        six = np.zeros(6)
+        six[self.kept] = values
+        if self.axes == "target":
+            six = (six.reshape(2, 3) @ self.target.rotation.T).ravel()
+        return six
+
+    def residual(self, at: Configuration) -> tuple[float, float]:
+        """Norms of the position error [m] and the orientation error [rad]; 0 for what the task leaves free."""
+        e = np.zeros(6)
+        e[self.kept] = self.error(at)
+        return math.hypot(*e[:3]), math.hypot(*e[3:])
+
+
+def frame_error(actual: pin.SE3, target: pin.SE3) -> np.ndarray:
+    """Error (6,) [m, rad] in base axes: `pose_error` of two `pin.SE3`."""
+    e = np.empty(6)
+    e[:3] = target.translation - actual.translation
+    e[3:] = orientation_error(actual.rotation, target.rotation)
+    return e
+
+
+def inverse_right_jacobian(phi: np.ndarray) -> np.ndarray:
+    """`J^-1_r` (3, 3) of SO(3) at a rotation vector phi (3,) [rad]: `I + [phi]x / 2 + k [phi]x^2`."""
+    x, y, z = phi
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + 0.5 * K + _flattening(float(np.linalg.norm(phi))) * (K @ K)
+
+
+def _flattening(angle: float) -> float:
+    """k of `I + k [phi]x^2`: `1/angle^2 - (1 + cos angle) / (2 angle sin angle)`, 1/12 at 0."""
+    if angle < 1e-2:
+        return 1 / 12 + angle**2 / 720
+    return (1 - 0.5 * angle / np.tan(0.5 * angle)) / angle**2
+
+
+def _linear(weight: Any) -> np.ndarray:
+    if weight is None:
+        raise OptionError("the task has no position weight yet: task.of(robot) gives it one")
+    return checked_weights(weight, "position_weight", 3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseTask(FrameTask):
+    """Position and orientation of a frame (six rows, fewer where single weights are 0)."""
+
+    position_weight: Any = None
+    """What an error of 1 m counts in rad [rad/m], > 0, or (3,) one an axis, 0: free; None: 4 rad for the arm's length,
+    2 rad/m for one of 2 m."""
+    orientation_weight: Any = 1.0
+    """What an error of 1 rad counts, > 0, or (3,) one an axis, 0: free."""
+
+    def six_weights(self) -> np.ndarray:
+        """Weights (6,)."""
+        return np.concatenate([_linear(self.position_weight), np.broadcast_to(self.orientation_weight, 3)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class PositionTask(FrameTask):
+    """Position of a frame alone; its orientation is free (three rows, fewer where single weights are 0)."""
+
+    position_weight: Any = None
+    """What an error of 1 m counts [rad/m], > 0, or (3,) one an axis, 0: free; None: 4 rad for the arm's length."""
+
+    def six_weights(self) -> np.ndarray:
+        """Weights (6,)."""
+        return np.concatenate([_linear(self.position_weight), np.zeros(3)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class OrientationTask(FrameTask):
+    """Orientation of a frame alone; its position is free (three rows, fewer where single weights are 0)."""
+
+    orientation_weight: Any = 1.0
+    """What an error of 1 rad counts, > 0, or (3,) one an axis, 0: free."""
+
+    def six_weights(self) -> np.ndarray:
+        """Weights (6,)."""
+        return np.concatenate([np.zeros(3), np.broadcast_to(self.orientation_weight, 3)]).astype(float)

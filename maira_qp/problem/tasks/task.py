@@ -1,0 +1,133 @@
+"""What every task is: an error e(q) (m,) to be driven to zero, `1/2 |W e|^2` as the cost of its priority level.
+
+A task of one's own is a frozen dataclass with an error and a Jacobian:
+
+    @dataclass(frozen=True, kw_only=True)
+    class HeightTask(mq.Task):
+        height: float
+
+        def error(self, at):
+            return np.array([self.height - at.placement().translation[2]])
+
+        def jacobian(self, at):
+            return at.jacobian()[2:3]
+
+The error falls by `jacobian @ dq`: the Jacobian is minus the error's derivative, or, where that is easier to write, any
+matrix J with the same `J^T W^2 e`, so that the gradient of the cost is exact. The rest has defaults: unit weights,
+Gauss-Newton's Hessian, nothing to be made for a robot, no target, and the error's norm as what is reported.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from maira_qp.errors import OptionError
+from maira_qp.problem.limits import Tick
+from maira_qp.robots.configuration import Configuration
+from maira_qp.robots.robot import Robot
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task(ABC):
+    """Rows of a priority level."""
+
+    priority: int = 1
+    """Its level: 1 is the first, and no level is felt by those above it; >= 1."""
+    gain: float = 1.0
+    """Share of the error that a control tick is to take away, in (0, 1]; `solve` goes all the way."""
+    damping: float = 0.0
+    """Levenberg-Marquardt damping of a control tick, `1/2 damping |W e|^2 |dq|^2`, beside `Options.damping`; >= 0."""
+    equality: bool = False
+    """A control tick meets it before the other tasks of its priority, in place of weighing it against them."""
+
+    def __post_init__(self) -> None:
+        """Raises `OptionError`."""
+        check_place(self.priority, self.gain)
+        if not (_is_number(self.damping) and 0 <= self.damping < math.inf):
+            raise OptionError(f"damping must be a number >= 0, got {self.damping!r}")
+        if not isinstance(self.equality, (bool, np.bool_)):
+            raise OptionError(f"equality must be True or False, got {self.equality!r}")
+
+    def of(self, robot: Robot) -> Task:
+        """The task with everything that depends on the robot filled in and checked. Raises `OptionError`."""
+        return self
+
+    @property
+    def target_frame(self) -> str | None:
+        """The frame whose target the task takes from the call; None: it needs none."""
+        return None
+
+    def toward(self, targets: Mapping[str, pin.SE3]) -> Task:
+        """The same task with its target out of these, which are not checked again."""
+        return self
+
+    @property
+    def weights(self) -> np.ndarray | float:
+        """What a unit of error counts: (m,), or one for all rows."""
+        return 1.0
+
+    @property
+    def is_wish(self) -> bool:
+        """A control tick takes the task's `wishes` in place of its error."""
+        return False
+
+    def wishes(self, at: Configuration, tick: Tick) -> tuple[np.ndarray, np.ndarray]:
+        """G (m, n) and h (m,) of inequalities `G dq <= h` that are to be kept in a tick."""
+        return np.empty((0, at.n)), np.empty(0)
+
+    @abstractmethod
+    def error(self, at: Configuration) -> np.ndarray:
+        """Error (m,)."""
+
+    @abstractmethod
+    def jacobian(self, at: Configuration) -> np.ndarray:
+        """J (m, n): the error falls by J dq."""
+
+    def curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
+        """`-sum_k multipliers_k d2(W e)_k/dq2` (n, n), how the rows bend, for multipliers (m,); zero where unknown."""
+        return np.zeros((at.n, at.n))
+
+    def hessian(self, at: Configuration) -> np.ndarray:
+        """Hessian (n, n) of `1/2 |W e|^2`, of any definiteness; Gauss-Newton's where the exact one is unknown."""
+        A, _ = self.rows(at)
+        return A.T @ A
+
+    def residual(self, at: Configuration) -> tuple[float, float]:
+        """What is left of the error [m] and [rad]: what the tolerances of `Options` are compared with."""
+        return 0.0, float(np.linalg.norm(self.error(at)))
+
+    def rows(self, at: Configuration) -> tuple[np.ndarray, np.ndarray]:
+        """The weighted Jacobian W J (m, n) and the weighted error W e (m,)."""
+        J, e = self.jacobian(at), self.error(at)
+        weights = np.asarray(self.weights)
+        return weights.reshape(-1, 1) * J, weights * e
+
+
+def check_place(priority: object, gain: object) -> None:
+    """Raises `OptionError` for a priority or a gain that is none."""
+    if not isinstance(priority, (int, np.integer)) or isinstance(priority, bool) or priority < 1:
+        raise OptionError(f"priority must be a whole number >= 1, got {priority!r}")
+    if not (_is_number(gain) and 0 < gain <= 1):  # type: ignore[operator]
+        raise OptionError(f"gain must be in (0, 1], got {gain!r}")
+
+
+def checked_weights(value: object, name: str, size: int) -> np.ndarray:
+    """Weights (size,) from one number for all or one each, >= 0 and not all 0. Raises `OptionError`."""
+    try:
+        weights = np.array(np.broadcast_to(np.asarray(value), (size,)), dtype=np.float64)
+    except (TypeError, ValueError):
+        weights = np.full(size, np.nan)
+    boolean = isinstance(value, (bool, str)) or np.asarray(value).dtype.kind not in "iuf"
+    if boolean or not (np.isfinite(weights).all() and (weights >= 0).all() and weights.any()):
+        raise OptionError(f"{name} must be a positive number, or {size} of them of which some may be 0, got {value!r}")
+    return weights
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
