@@ -53,6 +53,8 @@ class DHLink:
     """Largest speed [rad/s, or m/s]; > 0."""
     effort: float = 100.0
     """Largest torque or force [N m, or N]; > 0."""
+    acceleration: float | None = None
+    """Largest acceleration [rad/s^2, or m/s^2]; > 0; None: no limit."""
     name: str | None = None
     """Joint name; None: `joint<k>`, counted from 1."""
 
@@ -77,8 +79,10 @@ class DHLink:
                 raise RobotError(f"limit {key} must be a finite number, got {value!r} (no limit: kind='continuous')")
         if not self.lower <= self.upper:  # type: ignore[operator]
             raise RobotError(f"joint limits are inverted: lower {self.lower} > upper {self.upper}")
-        for key in ("velocity", "effort"):
+        for key in ("velocity", "effort", "acceleration"):
             value = getattr(self, key)
+            if key == "acceleration" and value is None:
+                continue
             if not _is_number(value) or not 0 < value < math.inf:
                 raise RobotError(f"{key} limit must be a positive number, got {value!r}")
         if self.name is not None and (not isinstance(self.name, str) or not self.name.strip()):

@@ -17,6 +17,7 @@ from maira_qp.errors import ConfigurationError, OptionError, RobotError
 from maira_qp.robots import catalog
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.dh import DHLink, DHTable
+from maira_qp.robots.joint_limits import JointLimits, limited_table, limited_urdf
 from maira_qp.robots.kinematics import Kinematics
 from maira_qp.robots.urdf_reader import Chain, read_urdf
 from maira_qp.robots.urdf_writer import urdf_text
@@ -58,6 +59,8 @@ class Robot:
     """Largest speeds (n,) [rad/s, or m/s], inf where there is no limit."""
     effort_limit: np.ndarray
     """Largest torques or forces (n,) [N m, or N], inf where there is no limit."""
+    acceleration_limit: np.ndarray
+    """Largest accelerations (n,) [rad/s^2, or m/s^2], inf where there is no limit."""
     length: float
     """Length of the arm stretched out [m]: distances between its joints and to the tip, and prismatic ranges.
 
@@ -77,7 +80,8 @@ class Robot:
         self.n = len(chain.joint_names)
         self.lower, self.upper = chain.lower, chain.upper
         self.velocity_limit, self.effort_limit = chain.velocity, chain.effort
-        for limit in (self.lower, self.upper, self.velocity_limit, self.effort_limit):
+        self.acceleration_limit = chain.acceleration
+        for limit in (self.lower, self.upper, self.velocity_limit, self.effort_limit, self.acceleration_limit):
             limit.setflags(write=False)  # unpickled arrays have lost it
         turns = np.isinf(self.lower)  # a continuous joint: one turn is all of it
         # what random configurations are drawn from
@@ -125,6 +129,36 @@ class Robot:
     def iiwa14(cls) -> Robot:
         """KUKA LBR iiwa 14 R820, from its DH table."""
         return cls.from_dh(catalog.iiwa14())
+
+    def limited(
+        self,
+        *,
+        lower: Any = None,
+        upper: Any = None,
+        velocity: Any = None,
+        acceleration: Any = None,
+        margin: Any = 0.0,
+    ) -> Robot:
+        """The same robot with tighter limits of position and speed, and accelerations of the caller's choice.
+
+        Each is None (as it is), a number for all joints, an array (n,), or a mapping {joint name: value}, in which the
+        joints that are not named keep theirs. Mimic joints follow the limits of their leaders. The description's own
+        limits are never loosened: a looser one is an error, not cut.
+
+        Args:
+            lower, upper: [rad, or m]; both make a revolute joint of a continuous one
+            velocity: > 0 [rad/s, or m/s]
+            acceleration: > 0 [rad/s^2, or m/s^2], inf for no limit
+            margin: >= 0 [rad, or m], taken off both ends of the positions that then hold; a continuous joint has none
+
+        Raises `OptionError` that names the joint for a limit that would be looser, lower > upper, a value out of range,
+        NaN, or one end without the other, and for a name that is not in `joint_names`.
+        """
+        held = JointLimits(self.joint_names, self.lower, self.upper, self.velocity_limit, self.acceleration_limit)
+        limits = held.limited(lower, upper, velocity, acceleration, margin)
+        if self.dh is not None:
+            return Robot.from_dh(limited_table(self.dh, limits))
+        return Robot.from_urdf(limited_urdf(self.urdf, limits), tip=self.tips, base=self.base)
 
     def at(self, q: np.ndarray) -> Configuration:
         """The robot at q (n,), a float64 array that is not checked: for loops that made it themselves."""

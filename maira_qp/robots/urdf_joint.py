@@ -36,6 +36,8 @@ class Joint:
     """Largest speed [rad/s, or m/s]; inf if none is given."""
     effort: float
     """Largest torque or force [N m, or N]; inf if none is given."""
+    acceleration: float
+    """Largest acceleration, and deceleration [rad/s^2, or m/s^2]; inf if none is given."""
     mimic: tuple[str, float, float] | None
     """Leader, multiplier and offset of a joint with q = multiplier * q_leader + offset."""
 
@@ -63,6 +65,7 @@ def joint_of(element: Element) -> Joint:
         upper=upper,
         velocity=_bound(limit, "velocity", what),
         effort=_bound(limit, "effort", what),
+        acceleration=min(_acceleration(limit, key, what) for key in ("acceleration", "deceleration")),
         mimic=_mimic(element, what) if kind in MOVING else None,
     )
 
@@ -111,6 +114,14 @@ def _bound(limit: Mapping[str, str], key: str, what: str) -> float:
     """A velocity or effort limit: inf where it is missing or not positive, as files write what they do not know."""
     value = _number(limit, key, f"{what}, limit", "0", finite=False)
     return value if value > 0 else math.inf
+
+
+def _acceleration(limit: Mapping[str, str], key: str, what: str) -> float:
+    """An attribute of URDF 1.2: inf where it is missing or 0."""
+    value = _number(limit, key, f"{what}, limit", "0", finite=False)
+    if value < 0:
+        raise RobotError(f"{what}, limit: {key}={limit[key][:80]!r} is negative")
+    return value or math.inf
 
 
 def _number(attributes: Mapping[str, str], key: str, what: str, default: str, finite: bool = True) -> float:

@@ -53,6 +53,8 @@ class Chain:
     """Largest speeds (n,) [rad/s, or m/s], inf where there is no limit."""
     effort: np.ndarray = field(compare=False)
     """Largest torques or forces (n,) [N m, or N], inf where there is no limit."""
+    acceleration: np.ndarray = field(compare=False)
+    """Largest accelerations (n,) [rad/s^2, or m/s^2], inf where there is no limit."""
     frames: tuple[str, ...] = field(compare=False, repr=False)
     """Names of all links, the base first."""
 
@@ -93,6 +95,7 @@ def read_urdf(source: str | os.PathLike[str], tip: str | Sequence[str] | None = 
         upper=_read_only(joint.upper for joint in free),
         velocity=_read_only(joint.velocity for joint in free),
         effort=_read_only(joint.effort for joint in free),
+        acceleration=_read_only(joint.acceleration for joint in free),
         frames=frames,
     )
 
@@ -163,7 +166,8 @@ def _moving_joints(joints: dict[str, Joint], path: list[str]) -> dict[str, Joint
         leader, multiplier, offset = _leader(joint, joints)
         if multiplier != 0:
             _need_limits(leader)
-            moving[joint.name] = replace(joint, mimic=(leader.name, multiplier, offset))
+            follower = replace(joint, mimic=(leader.name, multiplier, offset))
+            moving[joint.name] = replace(follower, acceleration=math.inf)  # from here on it is the leader's
             moving[leader.name] = _narrowed(moving.get(leader.name, leader), joint, multiplier, offset)
     free = sum(joint.mimic is None for joint in moving.values())
     if free > MAX_JOINTS:
@@ -206,7 +210,7 @@ def _leader(joint: Joint, joints: dict[str, Joint]) -> tuple[Joint, float, float
 
 
 def _narrowed(leader: Joint, follower: Joint, multiplier: float, offset: float) -> Joint:
-    """The leader with limits that keep its follower within its own, in position and speed."""
+    """The leader with limits that keep its follower within its own, in position, speed and acceleration."""
     ends = sorted((limit - offset) / multiplier for limit in (follower.lower, follower.upper))
     lower, upper = max(leader.lower, ends[0]), min(leader.upper, ends[1])
     if lower > upper:
@@ -215,7 +219,8 @@ def _narrowed(leader: Joint, follower: Joint, multiplier: float, offset: float) 
         )
     kind = "revolute" if leader.kind == "continuous" and math.isfinite(upper - lower) else leader.kind
     velocity = min(leader.velocity, follower.velocity / abs(multiplier))
-    return replace(leader, kind=kind, lower=lower, upper=upper, velocity=velocity)
+    acceleration = min(leader.acceleration, follower.acceleration / abs(multiplier))
+    return replace(leader, kind=kind, lower=lower, upper=upper, velocity=velocity, acceleration=acceleration)
 
 
 def _at_rest(joint: Joint, joints: dict[str, Joint]) -> Joint:
@@ -272,7 +277,8 @@ def _write_joint(robot: Element, joint: Joint) -> None:
     bounds = {"lower": joint.lower, "upper": joint.upper} if joint.kind != "continuous" else {}
     known = {"effort": joint.effort, "velocity": joint.velocity}
     known = {key: value if math.isfinite(value) else 0.0 for key, value in known.items()}
-    SubElement(element, "limit", {key: _words([value]) for key, value in (bounds | known).items()})
+    last = {"acceleration": joint.acceleration} if math.isfinite(joint.acceleration) else {}
+    SubElement(element, "limit", {key: _words([value]) for key, value in (bounds | known | last).items()})
     if joint.mimic is not None:
         leader, multiplier, offset = joint.mimic
         SubElement(element, "mimic", joint=leader, multiplier=_words([multiplier]), offset=_words([offset]))

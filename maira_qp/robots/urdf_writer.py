@@ -93,6 +93,7 @@ def _motion(joint: Element, link: DHLink) -> None:
     SubElement(joint, "axis", xyz="0 0 1")
     bounds = {} if link.kind == "continuous" else {"lower": link.lower, "upper": link.upper}
     bounds |= {"effort": link.effort, "velocity": link.velocity}
+    bounds |= {} if link.acceleration is None else {"acceleration": link.acceleration}
     SubElement(joint, "limit", {key: _words(value) for key, value in bounds.items()})
 
 

@@ -1,0 +1,276 @@
+"""Limits that a caller sets: what holds afterwards, everywhere it is said, and what is refused."""
+
+import copy
+import pickle
+from math import inf, nan, pi
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from conftest import REAL_ROBOTS, load, random_table
+
+import maira_qp as mq
+from maira_qp.errors import OptionError, RobotError
+from maira_qp.robots.dh import DHLink
+
+KEYS = ("lower", "upper", "velocity_limit", "effort_limit", "acceleration_limit")
+
+HAND = """<robot name="hand" version="1.2"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>
+  <joint name="turn" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>
+  <joint name="lead" type="revolute"><parent link="b"/><child link="c"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="2" velocity="3" effort="4" acceleration="5" deceleration="8" jerk="100"/></joint>
+  <joint name="follow" type="prismatic"><parent link="c"/><child link="d"/><axis xyz="1 0 0"/>
+    <limit lower="-1" upper="3" velocity="9" effort="4" acceleration="7"/><mimic joint="lead" multiplier="2"/></joint>
+</robot>"""
+
+
+@pytest.fixture
+def hand():
+    return mq.Robot.from_urdf(HAND)
+
+
+def limits(robot):
+    return {key: getattr(robot, key) for key in KEYS}
+
+
+def assert_consistent(robot):
+    """Model, text, DH table, ranges to draw from, copies: all say the same limits."""
+    assert (robot.model.lowerPositionLimit == robot.lower).all()
+    assert (robot.model.upperPositionLimit == robot.upper).all()
+    assert (robot.model.velocityLimit == robot.velocity_limit).all()
+    others = [copy.copy(robot), copy.deepcopy(robot), pickle.loads(pickle.dumps(robot)), robot.limited()]
+    others.append(mq.Robot.from_urdf(robot.urdf, tip=robot.tips, base=robot.base))
+    others += [] if robot.dh is None else [mq.Robot.from_dh(robot.dh)]
+    for other in others:
+        assert other == robot
+        assert hash(other) == hash(robot)
+        for key, values in limits(robot).items():
+            assert (getattr(other, key) == values).all()
+            assert not getattr(other, key).flags.writeable
+    if robot.dh is not None:
+        assert (robot.dh.lower == robot.lower).all()
+        assert (robot.dh.upper == robot.upper).all()
+        rows = [link for link in robot.dh.links if link.kind != "fixed"]
+        assert [link.velocity for link in rows] == robot.velocity_limit.tolist()
+        assert [link.acceleration or inf for link in rows] == robot.acceleration_limit.tolist()
+    drawn = np.array([robot.random_configuration(np.random.default_rng(k)) for k in range(30)])
+    assert ((robot.lower <= drawn) & (drawn <= robot.upper)).all()
+
+
+@pytest.mark.parametrize("name", ["maira", "panda", "pr2_arm", "tiago_arms", "panda_finger", "pr2_fingers", "random"])
+def test_limits_that_are_set_hold_everywhere_and_nothing_else_changes(name, rng):
+    """Real arms and trees, continuous, prismatic and mimic joints, DH tables."""
+    if name == "random":
+        robot = mq.Robot.from_dh(random_table(rng, 8))
+    else:
+        robot = mq.Robot.maira() if name == "maira" else load(name)
+    span = robot.drawn_range[1] - robot.drawn_range[0]
+    lower, upper = robot.drawn_range[0] + 0.2 * span, robot.drawn_range[1] - 0.1 * span
+    velocity = np.minimum(robot.velocity_limit, 3) * 0.7
+    acceleration = rng.uniform(1, 5, robot.n)
+    made = robot.limited(lower=lower, upper=upper, velocity=velocity, acceleration=acceleration, margin=0.01 * span)
+    assert (made.lower == lower + 0.01 * span).all()
+    assert (made.upper == upper - 0.01 * span).all()
+    assert (made.velocity_limit == velocity).all()
+    assert (made.acceleration_limit == acceleration).all()
+    assert (made.effort_limit == robot.effort_limit).all()
+    assert_consistent(made)
+    assert made != robot
+    assert (made.joint_names, made.tips, made.base, made.frames) == (
+        *(robot.joint_names, robot.tips, robot.base, robot.frames),
+    )
+    q = made.random_configuration(rng)
+    for tip in robot.tips:
+        assert (made.forward(q, tip).homogeneous == robot.forward(q, tip).homogeneous).all()
+
+
+@pytest.mark.parametrize("name", REAL_ROBOTS)
+def test_no_limits_change_nothing(name):
+    robot = load(name)
+    assert robot.limited() == robot
+    assert robot.limited(lower=robot.lower, upper=robot.upper, velocity=robot.velocity_limit, margin=0) == robot
+
+
+def test_numbers_are_for_all_joints_arrays_for_each_and_names_for_some(maira):
+    assert (maira.limited(velocity=1).velocity_limit == 1).all()
+    assert (maira.limited(velocity=np.float32(1)).velocity_limit == 1).all()
+    assert (maira.limited(velocity=np.array(1)).velocity_limit == 1).all()
+    assert maira.limited(acceleration=range(1, 8)).acceleration_limit.tolist() == [1, 2, 3, 4, 5, 6, 7]
+    some = maira.limited(lower={"joint2": -1}, velocity={"joint7": 0.5, "joint1": 1}, margin={"joint4": 0.25})
+    assert some.lower.tolist() == [-pi, -1, -pi, maira.lower[3] + 0.25, -pi, -pi, -pi]
+    assert some.upper.tolist() == [*maira.upper[:3], maira.upper[3] - 0.25, *maira.upper[4:]]
+    assert some.velocity_limit.tolist() == [1, pi, pi, pi, pi, pi, 0.5]
+    assert some.acceleration_limit.tolist() == [inf] * 7
+    assert maira.limited(lower={}, margin={}) == maira
+
+
+def test_the_margin_comes_off_the_limits_that_are_set(maira):
+    made = maira.limited(lower=-1, upper={"joint1": 0.5}, margin=0.125)
+    assert made.lower.tolist() == [-0.875] * 7
+    assert made.upper.tolist() == [0.375, *(maira.upper[1:] - 0.125)]
+
+
+def test_a_margin_does_not_end_what_turns_without_end(pr2_arm, hand):
+    turns = np.isinf(pr2_arm.upper)
+    made = pr2_arm.limited(margin=0.05)
+    assert np.isinf(made.upper[turns]).all()
+    assert (made.upper[~turns] == pr2_arm.upper[~turns] - 0.05).all()
+    assert hand.limited(margin=0.05).lower[0] == -inf
+
+
+def test_a_continuous_joint_that_gets_both_ends_is_revolute(hand):
+    made = hand.limited(lower={"turn": -7}, upper={"turn": 8}, margin={"turn": 1})
+    assert (made.lower[0], made.upper[0]) == (-6, 7)
+    assert_consistent(made)
+    with pytest.raises(OptionError, match=r"joint 'turn': limits of -7.0 and inf: give both, or neither"):
+        hand.limited(lower={"turn": -7})
+    with pytest.raises(OptionError, match=r"joint 'turn': .* give both, or neither"):
+        hand.limited(upper=1)
+    table = mq.Robot.from_dh([{"kind": "continuous", "a": 1}, {"a": 1}])
+    made = table.limited(lower=-1, upper=1)
+    assert made.dh.links[0].kind == "revolute"
+    assert_consistent(made)
+
+
+def test_a_joint_may_be_locked(maira):
+    made = maira.limited(lower={"joint3": 0.5}, upper={"joint3": 0.5})
+    assert made.lower[2] == made.upper[2] == 0.5
+    assert_consistent(made)
+
+
+def test_limits_are_set_on_leaders_and_their_followers_keep_within_their_own(hand):
+    """lead: within -1 <= 2 q <= 3 of its follower; its speed and acceleration are half of its follower's at most."""
+    assert hand.joint_names == ("turn", "lead")
+    assert (hand.lower[1], hand.upper[1], hand.velocity_limit[1], hand.acceleration_limit[1]) == (-0.5, 1.5, 3, 3.5)
+    made = hand.limited(upper={"lead": 1.25}, velocity={"lead": 2}, acceleration={"lead": 6})
+    assert (made.lower[1], made.upper[1], made.velocity_limit[1], made.acceleration_limit[1]) == (-0.5, 1.25, 2, 6)
+    assert_consistent(made)
+    with pytest.raises(OptionError, match="'follow' is not a joint that moves on its own; valid names: turn, lead"):
+        hand.limited(velocity={"follow": 1})
+
+
+def test_accelerations_are_free_to_set_and_to_lift(maira, hand):
+    fast = hand.limited(acceleration=20)
+    assert (fast.acceleration_limit == 20).all()
+    lifted = fast.limited(acceleration={"lead": inf})
+    assert lifted.acceleration_limit.tolist() == [20, inf]
+    assert_consistent(lifted)
+    assert maira.limited(acceleration=3).limited(acceleration=inf) == maira
+
+
+def test_limits_set_twice_are_those_of_both(maira):
+    once = maira.limited(lower={"joint1": -1}, velocity={"joint2": 2}, acceleration={"joint3": 9})
+    assert once.limited(upper={"joint1": 1}) == maira.limited(
+        lower={"joint1": -1}, upper={"joint1": 1}, velocity={"joint2": 2}, acceleration={"joint3": 9}
+    )
+    with pytest.raises(OptionError, match=r"joint 'joint1': the lower limit -2.0 would loosen that of -1.0"):
+        once.limited(lower={"joint1": -2})
+
+
+@pytest.mark.parametrize(
+    ("wish", "message"),
+    [
+        ({"lower": {"joint2": -3}}, r"joint 'joint2': the lower limit -3.0 would loosen that of -2\.09"),
+        ({"lower": -inf}, "joint 'joint1': the lower limit -inf would loosen"),
+        ({"upper": 2.5}, r"joint 'joint2': the upper limit 2.5 would loosen that of 2\.09"),
+        ({"velocity": 4}, r"joint 'joint1': the velocity limit 4.0 would loosen that of 3\.14"),
+        ({"velocity": {"joint5": inf}}, "joint 'joint5': the velocity limit inf would loosen"),
+        ({"velocity": {"joint5": 0}}, "joint 'joint5': the velocity limit must be positive, got 0.0"),
+        ({"velocity": -1}, "joint 'joint1': the velocity limit must be positive, got -1.0"),
+        ({"acceleration": {"joint6": 0}}, "joint 'joint6': the acceleration limit must be positive, got 0.0"),
+        ({"acceleration": [1, 2, -3, 4, 5, 6, 7]}, "joint 'joint3': the acceleration limit must be positive"),
+        ({"margin": -0.1}, "joint 'joint1': the margin must be finite and not negative, got -0.1"),
+        ({"margin": {"joint4": inf}}, "joint 'joint4': the margin must be finite and not negative, got inf"),
+        ({"margin": 2.5}, r"joint 'joint2': the limits 0\.4\d* > -0\.4\d* are inverted"),
+        ({"lower": 1, "upper": {"joint7": 0.5}}, r"joint 'joint7': the limits 1.0 > 0.5 are inverted"),
+        ({"lower": {"joint4": 3}}, "joint 'joint4': the limits 3.0 > .* are inverted"),
+        ({"lower": {"joint4": inf}}, "joint 'joint4': the limits inf > .* are inverted"),
+        ({"upper": {"joint4": -inf}}, "joint 'joint4': the limits .* > -inf are inverted"),
+        ({"lower": {"joint_3": 0}}, "lower: 'joint_3' is not a joint .*; did you mean 'joint3'. valid names: joint1, "),
+        ({"margin": {3: 0}}, "margin: 3 is not a joint"),
+        ({"lower": nan}, "lower must be finite"),
+        ({"upper": {"joint1": nan}}, "upper of joint 'joint1' must be finite"),
+        ({"velocity": [1] * 6 + [nan]}, "velocity must be finite"),
+        ({"acceleration": nan}, "acceleration must be finite"),
+        ({"margin": nan}, "margin must be finite"),
+        ({"velocity": [1, 2]}, r"velocity must have shape \(7,\), not \(2,\)"),
+        ({"velocity": [[1] * 7]}, r"must have shape \(7,\)"),
+        ({"velocity": {"joint1": [1]}}, r"velocity of joint 'joint1' must have shape \(\), not \(1,\)"),
+        ({"velocity": "1"}, "velocity must hold real numbers"),
+        ({"velocity": True}, "velocity must hold real numbers"),
+        ({"velocity": {"joint1": None}}, "velocity of joint 'joint1' must hold real numbers"),
+        ({"velocity": object()}, "velocity must hold real numbers"),
+    ],
+)
+def test_limits_that_would_loosen_or_make_no_sense_are_refused(maira, wish, message):
+    with pytest.raises(OptionError, match=message):
+        maira.limited(**wish)
+
+
+def test_limits_too_wide_to_have_a_size_are_refused(hand):
+    with pytest.raises(OptionError, match=r"joint 'turn': .* give both, or neither"):
+        hand.limited(lower={"turn": -1e308}, upper={"turn": 1e308})
+
+
+# Accelerations in descriptions
+
+
+def with_limit(attributes):
+    return (
+        '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="revolute"><parent link="a"/>'
+        f'<child link="b"/><limit lower="-1" upper="1" {attributes}/></joint></robot>'
+    )
+
+
+@pytest.mark.parametrize(
+    ("attributes", "expected"),
+    [
+        ("", inf),
+        ('acceleration="0"', inf),
+        ('acceleration="inf"', inf),
+        ('acceleration="2.5"', 2.5),
+        ('deceleration="2"', 2),
+        ('acceleration="4" deceleration="2"', 2),
+        ('acceleration="1e-3" deceleration="0"', 1e-3),
+    ],
+)
+def test_the_acceleration_of_a_urdf_is_the_smaller_of_speeding_up_and_slowing_down(attributes, expected, capfd):
+    robot = mq.Robot.from_urdf(with_limit(attributes))
+    assert robot.acceleration_limit.tolist() == [expected]
+    assert_consistent(robot)
+    limit = next(ElementTree.fromstring(robot.urdf).iter("limit"))
+    assert ("acceleration" in limit.attrib) == (expected < inf)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("attributes", "message"),
+    [
+        ('acceleration="-1"', "joint 'j', limit: acceleration='-1' is negative"),
+        ('deceleration="-inf"', "deceleration='-inf' is negative"),
+        ('acceleration="nan"', "acceleration='nan' is not finite"),
+        ('acceleration="fast"', "is not made of numbers"),
+        ('acceleration="1 2"', "should be 1 number"),
+    ],
+)
+def test_accelerations_that_are_no_limit_are_refused(attributes, message):
+    with pytest.raises(RobotError, match=message):
+        mq.Robot.from_urdf(with_limit(attributes))
+
+
+def test_the_acceleration_of_a_dh_row():
+    robot = mq.Robot.from_dh([DHLink(a=1, acceleration=2.5), DHLink(kind="fixed", a=1), {"a": 1.0}])
+    assert robot.acceleration_limit.tolist() == [2.5, inf]
+    assert_consistent(robot)
+    for wrong in (0, -1, nan, inf, "2", True):
+        with pytest.raises(RobotError, match="link 1: acceleration limit must be a positive number, got"):
+            mq.Robot.from_dh([{"acceleration": wrong}])
+
+
+def test_solvers_keep_the_limits_that_are_set(maira, rng):
+    """A pose that the tighter arm can reach is reached within the tighter limits."""
+    tight = maira.limited(margin=0.5)
+    target = tight.forward(tight.random_configuration(rng))
+    s = mq.Solver(tight).solve(target)
+    assert s.success
+    assert ((tight.lower <= s.q) & (s.q <= tight.upper)).all()
