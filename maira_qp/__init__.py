@@ -10,6 +10,7 @@ solution = solver.solve(mq.pose([0.4, 0.2, 0.9], quaternion=[1, 0, 0, 0]))
 from maira_qp import errors
 from maira_qp.orientation import pose_error
 from maira_qp.problem.backends import Backend
+from maira_qp.problem.collision import CollisionLimit
 from maira_qp.problem.limits import Limit, LinearLimit, Tick
 from maira_qp.problem.objectives import LimitDistance, Manipulability, ObstacleDistance, Posture
 from maira_qp.problem.pose import pose
@@ -22,6 +23,7 @@ from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.relative import RelativePoseTask
 from maira_qp.problem.tasks.swivel import SwivelTask
 from maira_qp.problem.tasks.task import Task
+from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from maira_qp.robots.dh import DHLink, DHTable
 from maira_qp.robots.robot import Robot
 from maira_qp.solvers.options import Options
@@ -34,6 +36,10 @@ __all__ = [
     "AxisTask",
     "Backend",
     "BatchSolution",
+    "Box",
+    "Capsule",
+    "CollisionLimit",
+    "Cylinder",
     "DHLink",
     "DHTable",
     "DampingTask",
@@ -44,6 +50,7 @@ __all__ = [
     "LinearLimit",
     "LookAtTask",
     "Manipulability",
+    "Mesh",
     "ObjectiveTask",
     "ObstacleDistance",
     "Options",
@@ -55,6 +62,7 @@ __all__ = [
     "Robot",
     "Solution",
     "Solver",
+    "Sphere",
     "Status",
     "Step",
     "Strict",
