@@ -3,9 +3,10 @@
     q <- clip(q + dq),   dq = argmin  c^T dq + 1/2 dq^T (H + mu I) dq   subject to   lower - q <= dq <= upper - q
 
 H and c are the cost's quadratic model at q (for the pose: `H = J^T W^2 J`, `c = -J^T W^2 e`). A step counts only if the
-true cost falls. The damping is mu = factor * damping * |W e|^2, which keeps the fast convergence of Gauss-Newton near a
-solution and gives safe steps far away (Sugihara, "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt
-method", IEEE T-RO 2011). Accepted steps shrink the factor, refused ones raise it (Marquardt, 1963).
+true cost falls and no limit is broken that the QP knows to first order only. The damping is mu = factor * damping *
+|W e|^2, which keeps the fast convergence of Gauss-Newton near a solution and gives safe steps far away (Sugihara,
+"Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method", IEEE T-RO 2011). Accepted steps shrink
+the factor, refused ones raise it (Marquardt, 1963).
 """
 
 from __future__ import annotations
@@ -118,8 +119,11 @@ def descend(
 
 
 def _trial(level: Level, factor: float, at: Configuration, setting: Setting) -> Configuration | None:
-    """The configuration after one QP step, inside the limits; None if the backend failed."""
+    """The configuration after one QP step, inside the limits; None if there is none."""
     least = LEAST_DAMPING * float(np.abs(level.H).max())
     mu = factor * setting.options.damping * level.squared_error + max(1.0, factor) * least
     dq = solve_hierarchy([level.damped(mu)], setting.bounds(at), setting.backend)
-    return None if dq is None else setting.moved(at, dq)
+    if dq is None:
+        return None
+    trial = setting.moved(at, dq)
+    return trial if setting.keeps(trial, at) else None

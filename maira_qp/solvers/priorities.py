@@ -134,6 +134,12 @@ class Priorities:
         return {frame: pose_of(each) for frame, each in zip(self.frames, row, strict=True)}
 
     @property
+    def all_tasks(self) -> tuple[Task, ...]:
+        """The first level's tasks and those of the levels below that hold nothing else."""
+        lower = [level.tasks.tasks for level in self.below if not level.objectives]
+        return sum(lower, self.first)
+
+    @property
     def is_done_by_search(self) -> bool:
         """There is nothing below the first level."""
         return not self.below and self.redundancy is None

@@ -23,6 +23,10 @@ from maira_qp.solvers.setting import Setting
 log = logging.getLogger(__name__)
 
 
+DRAWS = 10
+"""Times that candidates for a start are drawn before one outside bent limits is taken."""
+
+
 @dataclass(frozen=True)
 class Search:
     """The best that was found, and after how many restarts."""
@@ -43,12 +47,14 @@ def search(
     budget: Budget,
     rng: Callable[[], np.random.Generator],
     reached: Callable[[Configuration], bool],
+    max_restarts: int | None = None,
 ) -> Search:
     """Descend from q0 (None: from a random start) and from random starts until `reached` or out of restarts or time.
 
-    `rng` makes the target's random stream when it is first needed.
+    `rng` makes the target's random stream when it is first needed. `max_restarts` None: that of the options.
     """
     options = setting.options
+    last = options.max_restarts if max_restarts is None else min(max_restarts, options.max_restarts)
     stream: np.random.Generator | None = None
     best: Descent | None = None
     attempt = 0
@@ -69,19 +75,27 @@ def search(
         )
         if best is None or descent.reached or descent.cost < best.cost:
             best = descent
-        if descent.reached or attempt == options.max_restarts or budget.late():
+        if descent.reached or attempt == last or budget.late():
             log.debug("search: reached=%s after %d restarts, cost %.3g", best.reached, attempt, best.cost)
             return Search(best, attempt)
         attempt += 1
 
 
 def random_start(cost: TaskCost, setting: Setting, stream: np.random.Generator) -> Configuration:
-    """The best by cost of a few random configurations within the limits."""
-    candidates = [
-        setting.robot.at(setting.admitted(setting.robot.random_configuration(stream)))
-        for _ in range(setting.options.start_candidates)
-    ]
-    return min(candidates, key=cost.value)
+    """The best by cost of a few random configurations within the limits.
+
+    Where bent limits leave so little that none of them is within, a few more are drawn.
+    """
+    robot, least = setting.robot, None
+    for _ in range(DRAWS if setting.is_bent else 1):
+        drawn = [robot.random_configuration(stream) for _ in range(setting.options.start_candidates)]
+        candidates = [robot.at(setting.admitted(q)) for q in drawn]
+        within = [at for at in candidates if not setting.violation(at)] if setting.is_bent else candidates
+        if within:
+            return min(within, key=cost.value)
+        least = min(candidates if least is None else [least, *candidates], key=setting.violation)
+    assert least is not None
+    return least
 
 
 def nearest(cost: TaskCost, descent: Descent, setting: Setting, budget: Budget) -> Descent:

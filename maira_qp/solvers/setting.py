@@ -15,6 +15,9 @@ from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
 from maira_qp.solvers.options import Options
 
+ADMITTING = 10
+"""Times that bent limits are linearised to bring a configuration into them."""
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -38,20 +41,31 @@ class Setting:
         """By how much a configuration breaks one of them; >= 0."""
         return max((limit.violation(at) for limit in self.limits), default=0.0)
 
+    def keeps(self, trial: Configuration, at: Configuration) -> bool:
+        """A trial breaks no bent limit more than a configuration did."""
+        return not self.is_bent or self.violation(trial) <= self.violation(at)
+
     def moved(self, at: Configuration, dq: np.ndarray) -> Configuration:
         """The configuration after a displacement dq (n,), inside the joint limits to the bit."""
         return self.robot.at(self.robot.clip(at.q + dq))
 
     def admitted(self, q: np.ndarray) -> np.ndarray:
-        """The configuration (n,) within all limits that is nearest to q (n,). Raises `OptionError` if there is none."""
+        """The configuration (n,) within all limits that is nearest to q (n,); of bent limits one that is near.
+
+        Raises `OptionError` if limits that are straight leave none; where bent ones seem to, what comes nearest.
+        """
         clipped = self.robot.clip(q)
-        at = self.robot.at(clipped)
-        rows = [row for limit in self.limits if (row := limit.rows(at, None)) is not None]
-        if not any((h < 0).any() for _, h in rows):
-            return clipped
-        G, h = np.vstack([G for G, _ in rows]), np.concatenate([h for _, h in rows])
-        lower, upper = self.robot.lower - clipped, self.robot.upper - clipped
-        nearest = self.backend.solve(QP(np.eye(len(q)), clipped - q, lower, upper, G, h))
-        if not nearest.found:
-            raise OptionError(f"no configuration satisfies the limits together ({nearest.reason})")
-        return self.robot.clip(clipped + nearest.x)
+        for _ in range(ADMITTING if self.is_bent else 1):
+            at = self.robot.at(clipped)
+            rows = [row for limit in self.limits if (row := limit.rows(at, None)) is not None]
+            if not any((h < 0).any() for _, h in rows):
+                break
+            G, h = np.vstack([G for G, _ in rows]), np.concatenate([h for _, h in rows])
+            lower, upper = self.robot.lower - clipped, self.robot.upper - clipped
+            nearest = self.backend.solve(QP(np.eye(len(q)), clipped - q, lower, upper, G, h))
+            if not nearest.found:
+                if self.is_bent:
+                    break
+                raise OptionError(f"no configuration satisfies the limits together ({nearest.reason})")
+            clipped = self.robot.clip(clipped + nearest.x)
+        return clipped

@@ -45,8 +45,8 @@ RESTORING = 6
 RESTORED = 0.5e-22
 """The pose counts as regained when its cost `1/2 |W e|^2` is below this: an error of 1e-11."""
 
-MET = 1e-18
-"""A level of tasks whose cost is below this is met, and is held from there on as the pose is."""
+MET = 1e-12
+"""A level of tasks whose cost is below this, errors of 1e-6, is met, and is held from there on as the pose is."""
 
 SAME = 1e-12
 """Two values of a higher objective this near to each other leave the word to the next one."""
@@ -83,6 +83,7 @@ def settle(
             settled = _Walk(cost, objectives, setting, budget, reached).run(settled.at)
             break
         cost, objectives = TaskCost((*cost.tasks, *met.tasks)), objectives[1:]
+        settled = replace(settled, at=_restored(cost, settled.at, setting, budget, reached) or settled.at)
     if isinstance(redundancy, Weighted):
         return _trade_off(WeightedCost(cost, redundancy.objective, redundancy.weight), settled.at, setting, budget)
     return settled
@@ -91,6 +92,14 @@ def settle(
 def _tasks_alone(objective: Objective) -> TaskCost | None:
     """The tasks of a level that has no objectives; None for what is no such level."""
     return objective.tasks if isinstance(objective, LevelObjective) and not objective.objectives else None
+
+
+def _restored(
+    cost: TaskCost, at: Configuration, setting: Setting, budget: Budget, reached: Callable[[Configuration], bool]
+) -> Configuration | None:
+    """The configuration brought back onto the pose; None where that fails."""
+    end = descend(cost, at, setting, budget, reached=lambda at: cost.value(at) <= RESTORED, max_iterations=RESTORING)
+    return end.at if reached(end.at) else None
 
 
 def _trade_off(cost: WeightedCost, at: Configuration, setting: Setting, budget: Budget) -> Settled:
@@ -126,7 +135,7 @@ class _Walk:
                 break
             dq = self._step(at, radius)
             trial = self._restored(self.setting.moved(at, dq))
-            if trial is not None and self._better(trial, at):
+            if trial is not None and self.setting.keeps(trial, at) and self._better(trial, at):
                 radius = 2 * radius if np.abs(dq).max() > 0.9 * radius else radius
                 at = trial
             else:
@@ -155,16 +164,7 @@ class _Walk:
         return np.zeros_like(at.q) if dq is None else dq
 
     def _restored(self, at: Configuration) -> Configuration | None:
-        """The configuration brought back onto the pose; None where that fails."""
-        end = descend(
-            self.cost,
-            at,
-            self.setting,
-            self.budget,
-            reached=lambda at: self.cost.value(at) <= RESTORED,
-            max_iterations=RESTORING,
-        )
-        return end.at if self.reached(end.at) else None
+        return _restored(self.cost, at, self.setting, self.budget, self.reached)
 
     def _better(self, trial: Configuration, at: Configuration) -> bool:
         """The first objective to differ by more than rounding is lower in the trial, or, if none, its gradient is.

@@ -17,7 +17,7 @@ import pinocchio as pin
 from maira_qp.arrays import is_native, real_array
 from maira_qp.errors import BackendError, ConfigurationError, OptionError, listed
 from maira_qp.problem.backends import Backend, available
-from maira_qp.problem.costs import TaskCost
+from maira_qp.problem.costs import TaskCost, tasks_toward
 from maira_qp.problem.limits import AccelerationLimit, Limit, PositionLimit, Tick, VelocityLimit
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks.objective import ObjectiveTask
@@ -36,6 +36,9 @@ from maira_qp.solvers.tick import tick
 
 if TYPE_CHECKING:
     from maira_qp.solvers.compiled import Compiled
+
+TOGETHER = 30
+"""Restarts of the search for a configuration that meets the tasks of all levels at once: then no level has to yield."""
 
 Rng = np.random.Generator | int | None
 
@@ -121,6 +124,11 @@ class Solver:
         return self._setting.limits
 
     @property
+    def _search_engine(self) -> Compiled | None:
+        """The compiled engine, unless tasks of several levels are first searched for together."""
+        return None if len(self._priorities.all_tasks) > len(self.tasks) else self._compiled
+
+    @property
     def backend(self) -> str:
         """Who solves the QPs: "compiled", or the backend's name."""
         return self._setting.backend.name if self._compiled is None else "compiled"
@@ -152,7 +160,7 @@ class Solver:
         """
         seed = SEED_0 if rng is None else _seed_words(rng)
         start = q0 if q0 is None or is_native(q0, (self.robot.n,)) else self._start(q0)
-        engine = self._compiled
+        engine = self._search_engine
         if engine is None or observe is not None or self.options.deadline is not None:
             return self._solve(self._priorities.targets(target), self._start(start), seed, observe)
         fault, q, outcome, settled = engine.solve(self._native(target), start, seed)
@@ -215,7 +223,7 @@ class Solver:
         batch = BatchSolution.blank(self.robot, self.backend, len(rows))
         batch.q[:] = self.robot.middle
         finite = np.isfinite(rows[:, 0, 0])
-        engine = self._compiled
+        engine = self._search_engine
         if engine is None or self.options.deadline is not None or not engine.takes(starts):
             for i in range(len(rows)):
                 if finite[i]:
@@ -304,11 +312,16 @@ class Solver:
         start = None if q0 is None else self._setting.admitted(q0)
         rows = np.array([[row_of(pose) for pose in targets.values()]]).reshape(1, -1, 12)
         stream = streams(rows, seed)
-        engine = self._compiled
-        if engine is not None and observe is None and engine.takes(start):
+        engine, found = self._compiled, None
+        rng = lambda: np.random.default_rng(int(stream[0]))  # noqa: E731
+        if len(self._priorities.all_tasks) > len(self.tasks):
+            everything = tasks_toward(self._priorities.all_tasks, targets)
+            together = search(everything, start, self._setting, budget, rng, self._reached(everything), TOGETHER)
+            found = together if together.best.reached else None
+        if found is None and engine is not None and observe is None and engine.takes(start):
             found = engine.search(rows[0, 0], start, stream, bool(seed.any()), budget)
-        else:
-            found = search(cost, start, self._setting, budget, lambda: np.random.default_rng(int(stream[0])), reached)
+        elif found is None:
+            found = search(cost, start, self._setting, budget, rng, reached)
         moved = bool(start is not None and (start != q0).any())
         return self._finish(found, cost, wish, reached, budget, moved)
 
@@ -324,7 +337,8 @@ class Solver:
 
         def reached(at: Configuration) -> bool:
             position, orientation = _residual(cost, at)
-            return position <= options.position_tolerance and orientation <= options.orientation_tolerance
+            near = position <= options.position_tolerance and orientation <= options.orientation_tolerance
+            return near and not (self._setting.is_bent and self._setting.violation(at))
 
         return reached
 
