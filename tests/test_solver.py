@@ -316,7 +316,7 @@ def test_no_answer_depends_on_the_number_of_threads(maira, rng):
     one, three = (mq.Solver(maira).solve_batch(targets, threads=threads) for threads in (1, 3))
     assert one.success.all()
     for name in (
-        *(f.name for f in fields(mq.BatchSolution) if f.name != "_robot"),
+        *(f.name for f in fields(mq.BatchSolution) if f.name != "_setting"),
         "condition_number",
         "active_limits",
     ):

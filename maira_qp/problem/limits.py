@@ -39,6 +39,8 @@ class Bounds:
     """(m, n), m = 0 where the limits are a box alone"""
     h: np.ndarray
     """(m,)"""
+    broken: tuple[np.ndarray, np.ndarray] | None = None
+    """G (k, n) and h (k,) < 0 of the rows that are broken already: what it would take to keep them"""
 
     @property
     def rest(self) -> np.ndarray:
@@ -189,5 +191,9 @@ def merge(limits: Sequence[Limit], at: Configuration, tick: Tick | None = None) 
         if (rows := limit.rows(at, tick)) is not None:
             G.append(rows[0])
             h.append(rows[1])
-    box = Bounds(lower, upper, np.vstack(G), np.concatenate(h))
-    return replace(box, h=np.maximum(np.maximum(box.h, 0.0), box.G @ box.rest))
+    bounds = Bounds(lower, upper, np.vstack(G), np.concatenate(h))
+    if not len(bounds.h):
+        return bounds
+    out = bounds.h < 0
+    broken = (bounds.G[out], bounds.h[out]) if out.any() else None
+    return replace(bounds, h=np.maximum(np.maximum(bounds.h, 0.0), bounds.G @ bounds.rest), broken=broken)

@@ -41,6 +41,11 @@ class Setting:
         """By how much a configuration breaks one of them; >= 0."""
         return max((limit.violation(at) for limit in self.limits), default=0.0)
 
+    def breach(self, at: Configuration) -> float:
+        """Half the sum of squares of what is broken of all limits with rows."""
+        rows = [row for limit in self.limits if (row := limit.rows(at, None)) is not None]
+        return 0.5 * sum(float((np.minimum(h, 0.0) ** 2).sum()) for _, h in rows)
+
     def keeps(self, trial: Configuration, at: Configuration) -> bool:
         """A trial breaks no bent limit more than a configuration did."""
         return not self.is_bent or self.violation(trial) <= self.violation(at)

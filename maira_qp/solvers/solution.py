@@ -11,6 +11,7 @@ from typing import Any, overload
 import numpy as np
 
 from maira_qp.robots.robot import Robot, condition_numbers
+from maira_qp.solvers.setting import Setting
 
 ACTIVE_WITHIN = 1e-9
 """A limit nearer than this [rad or m] counts as active."""
@@ -47,7 +48,7 @@ class _OfRobot:
 
     def __getstate__(self) -> dict[str, Any]:
         own = {"condition_number": self.condition_number, "active_limits": self.active_limits}
-        return {**self.__dict__, **own, "_robot": None}
+        return {**self.__dict__, **own, "_setting": None}
 
     condition_number: Any
     active_limits: Any
@@ -82,17 +83,17 @@ class Solution(_OfRobot):
     """The given start `q0` was outside the limits and was moved onto them."""
     backend: str
     """Who solved the QPs"""
-    _robot: Robot | None = field(repr=False)
+    _setting: Setting | None = field(repr=False)
 
     @cached_property
     def condition_number(self) -> float:
         """Of the tool's Jacobian at `q`: largest by smallest singular value"""
-        return self._robot.condition_number(self.q)  # type: ignore[union-attr]
+        return self._setting.robot.condition_number(self.q)  # type: ignore[union-attr]
 
     @cached_property
     def active_limits(self) -> list[str]:
-        """Limits that `q` stands on, such as "joint4 upper" """
-        return active_limits(self._robot, self.q)  # type: ignore[arg-type]
+        """Limits that `q` stands on, such as "joint4 upper", and pairs at their margin, such as "link5 - table" """
+        return active_limits(self._setting, self.q)  # type: ignore[arg-type]
 
     def as_dict(self) -> dict[str, Any]:
         """All values by their names."""
@@ -153,29 +154,31 @@ class BatchSolution(_OfRobot):
     start_projected: np.ndarray
     """(N,) of bool"""
     backend: str
-    _robot: Robot | None = field(repr=False)
+    _setting: Setting | None = field(repr=False)
 
     @cached_property
     def condition_number(self) -> np.ndarray:
         """(N,)"""
-        parts = [self._robot.jacobians(self.q[k : k + 4096]) for k in range(0, len(self), 4096)]  # type: ignore[union-attr]
+        robot: Robot = self._setting.robot  # type: ignore[union-attr]
+        parts = [robot.jacobians(self.q[k : k + 4096]) for k in range(0, len(self), 4096)]
         return np.concatenate([np.empty(0), *map(condition_numbers, parts)])
 
     @cached_property
     def active_limits(self) -> list[list[str]]:
         """N lists"""
-        robot: Robot = self._robot  # type: ignore[assignment]
-        on_a_limit = (self.q <= robot.lower + ACTIVE_WITHIN) | (self.q >= robot.upper - ACTIVE_WITHIN)
+        setting: Setting = self._setting  # type: ignore[assignment]
+        lower, upper = setting.robot.lower + ACTIVE_WITHIN, setting.robot.upper - ACTIVE_WITHIN
+        on_a_limit = (self.q <= lower) | (self.q >= upper) | setting.is_bent
         names: list[list[str]] = [[] for _ in range(len(self))]
         for i in np.flatnonzero(on_a_limit.any(axis=1)):
-            names[i] = active_limits(robot, self.q[i])
+            names[i] = active_limits(setting, self.q[i])
         return names
 
     @staticmethod
-    def blank(robot: Robot, backend: str, count: int) -> BatchSolution:
+    def blank(setting: Setting, backend: str, count: int) -> BatchSolution:
         """So many answers yet to be written: budget spent."""
         return BatchSolution(
-            q=np.zeros((count, robot.n)),
+            q=np.zeros((count, setting.robot.n)),
             success=np.zeros(count, dtype=bool),
             status=np.full(count, int(Status.BUDGET_SPENT)),
             position_error=np.full(count, np.nan),
@@ -187,7 +190,7 @@ class BatchSolution(_OfRobot):
             optimal=np.zeros(count, dtype=bool),
             start_projected=np.zeros(count, dtype=bool),
             backend=backend,
-            _robot=robot,
+            _setting=setting,
         )
 
     def put(self, i: int, solution: Solution) -> None:
@@ -232,7 +235,7 @@ class BatchSolution(_OfRobot):
         """The i-th answer, or some of them (copies)."""
         if isinstance(i, slice):
             arrays = {name: getattr(self, name)[i].copy() for name in _VALUES if name != "backend"}
-            return BatchSolution(**arrays, backend=self.backend, _robot=self._robot)
+            return BatchSolution(**arrays, backend=self.backend, _setting=self._setting)
         if not -len(self) <= i < len(self):
             raise IndexError(f"target {i} of a batch of {len(self)}")
         values = {name: getattr(self, name)[i] for name in _VALUES if name not in ("q", "status", "backend")}
@@ -241,7 +244,7 @@ class BatchSolution(_OfRobot):
             status=Status(int(self.status[i])),
             **{name: value.item() for name, value in values.items()},
             backend=self.backend,
-            _robot=self._robot,
+            _setting=self._setting,
         )
 
     def __iter__(self) -> Iterator[Solution]:
@@ -260,23 +263,24 @@ class Step:
     """|p_d - p| [m] after the tick"""
     orientation_error: float
     """Angle between the orientations [rad] after the tick"""
-    _robot: Robot | None = field(repr=False)
+    _setting: Setting | None = field(repr=False)
 
     @cached_property
     def active_limits(self) -> list[str]:
-        """Position limits that `q` stands on"""
-        return active_limits(self._robot, self.q)  # type: ignore[arg-type]
+        """Limits that `q` stands on, such as "joint4 upper", and pairs at their margin, such as "link5 - table" """
+        return active_limits(self._setting, self.q)  # type: ignore[arg-type]
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "active_limits": self.active_limits, "_robot": None}
+        return {**self.__dict__, "active_limits": self.active_limits, "_setting": None}
 
 
-def active_limits(robot: Robot, q: np.ndarray) -> list[str]:
-    """Names of the limits that q (n,) stands on, such as "joint4 upper"."""
-    names = []
+def active_limits(setting: Setting, q: np.ndarray) -> list[str]:
+    """Names of the limits that q (n,) stands on, those of the joints first."""
+    robot, names = setting.robot, []
     for name, value, low, high in zip(robot.joint_names, q, robot.lower, robot.upper, strict=True):
         if value <= low + ACTIVE_WITHIN:
             names.append(f"{name} lower")
         if value >= high - ACTIVE_WITHIN:
             names.append(f"{name} upper")
-    return names
+    at = robot.at(q)
+    return names + [name for limit in setting.limits for name in limit.active(at)]

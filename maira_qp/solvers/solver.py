@@ -187,7 +187,7 @@ class Solver:
             optimal=True,
             start_projected=moved > 0.0,
             backend="compiled",
-            _robot=self.robot,
+            _setting=self._setting,
         )
 
     def solve_batch(
@@ -220,7 +220,7 @@ class Solver:
         words = _seed_words(seed)
         if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
             raise OptionError(f"threads must be a positive whole number, got {threads!r}")
-        batch = BatchSolution.blank(self.robot, self.backend, len(rows))
+        batch = BatchSolution.blank(self._setting, self.backend, len(rows))
         batch.q[:] = self.robot.middle
         finite = np.isfinite(rows[:, 0, 0])
         engine = self._search_engine
@@ -272,7 +272,7 @@ class Solver:
             start = q if is_native(q, (n,)) else real_array(q, (n,), "q", ConfigurationError)
             fault, ahead, speed, (position, orientation) = engine.tick(self._native(target), start, float(dt))
             if not fault:
-                return Step(speed, ahead, position, orientation, self.robot)
+                return Step(speed, ahead, position, orientation, self._setting)
         if velocity is None and np.isfinite(self.robot.acceleration_limit).any():
             raise OptionError(
                 "with limits on the acceleration a step needs the velocity of now: velocity=last.velocity"
@@ -284,7 +284,7 @@ class Solver:
         at = self.robot.at(real_array(q, (n,), "q", ConfigurationError))
         q_next, speed = tick(cost, wish, at, self._setting, Tick(float(dt), now), deadline)
         position, orientation = _residual(cost, self.robot.at(q_next))
-        return Step(speed, q_next, position, orientation, self.robot)
+        return Step(speed, q_next, position, orientation, self._setting)
 
     def _start(self, q0: Any) -> np.ndarray | None:
         return None if q0 is None else real_array(q0, (self.robot.n,), "q0", ConfigurationError)
@@ -378,7 +378,7 @@ class Solver:
             optimal=optimal,
             start_projected=start_projected,
             backend=self.backend,
-            _robot=self.robot,
+            _setting=self._setting,
         )
 
 

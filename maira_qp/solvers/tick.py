@@ -5,9 +5,10 @@ cannot be reached still come to rest. What each level adds is halved until it is
 rise, no level above loses more than half of what it has just gained (or an error below `SMALL_ERROR`), and no limit is
 broken that the QP knows to first order only. What cannot be made safe is left out.
 
-With limits on the acceleration a joint that runs at full speed passes its goal, however well it can brake. So the tick
-first looks where the levels would go if there were no time, and then goes that way only so fast that every joint could
-still stop where it ends.
+Limits with rows that are broken at the beginning are undone first, by a level above the others; a joint outside its own
+limits comes back because its box says so. With limits on the acceleration a joint that runs at full speed passes its
+goal, however well it can brake. So the tick first looks where the levels would go if there were no time, and then goes
+that way only so fast that every joint could still stop where it ends.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ SMALL_ERROR = 1e-3
 
 HALVINGS = 12
 
-REST = 1e-18
-"""A cost `1/2 |W e|^2` may rise to this: what is below is rounding."""
+FAINT = 1e-6
+"""What a displacement counts against the limits that it brings the arm back into."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ def tick(
     """
     end = None if deadline is None else time.monotonic() + deadline
     robot, bounds = setting.robot, setting.bounds(at, now)
-    models = _models(cost, redundancy, at, setting, now, bounds)
+    models = [*_back_inside(at, setting, bounds), *_models(cost, redundancy, at, setting, now, bounds)]
     levels = [model.level for model in models]
     if np.isfinite(robot.acceleration_limit).any():
         levels = _slowed(levels, at, setting, now)
@@ -70,6 +71,14 @@ def tick(
     inside = (at.q >= robot.lower) & (at.q <= robot.upper)
     q = np.where(inside, np.clip(at.q + dq, robot.lower, robot.upper), at.q + dq)
     return q, np.clip(dq / now.dt, -robot.velocity_limit, robot.velocity_limit)
+
+
+def _back_inside(at: Configuration, setting: Setting, bounds: Bounds) -> list[_Model]:
+    """A level above all others that undoes what is broken of the limits with rows, if anything is."""
+    if bounds.broken is None:
+        return []
+    still = Level(FAINT * np.eye(at.n), np.zeros(at.n), np.empty((0, at.n)), wishes=bounds.broken)
+    return [_Model(setting.breach, still)]
 
 
 def _models(
