@@ -126,4 +126,6 @@ def _trial(level: Level, factor: float, at: Configuration, setting: Setting) -> 
     if dq is None:
         return None
     trial = setting.moved(at, dq)
+    if not setting.keeps(trial, at):  # a bent limit: along it, and back onto it
+        trial = setting.robot.at(setting.admitted(trial.q))
     return trial if setting.keeps(trial, at) else None
