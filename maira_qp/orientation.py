@@ -109,6 +109,12 @@ def orientation_error(R: np.ndarray, R_d: np.ndarray) -> np.ndarray:
     return np.array([2 * x, 2 * y, 2 * z])
 
 
+def skew(v: np.ndarray) -> np.ndarray:
+    """`skew(v) @ x = v x x`, (3, 3)."""
+    x, y, z = v.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 def pose_error(T: Any, T_d: Any) -> np.ndarray:
     """Error (6,) of a pose T against the desired T_d, in base axes: [p_d - p in m; orientation error in rad].
 

@@ -107,7 +107,7 @@ def test_no_level_disturbs_one_above_it(name, rng):
         targets = {frame: robot.forward(goal, frame) for frame in solver._priorities.frames}
         cost, wish = solver._priorities.costs(targets)
         bounds = merge(solver.limits, at, Tick(0.02, np.zeros(robot.n)))
-        levels = list(strict_levels(cost, wish.objectives, at, bounds.held))
+        levels = list(strict_levels(cost.level(at), cost, wish.objectives, at, bounds.held))
         wished = rng.normal(size=(2, robot.n)), 0.1 * rng.normal(size=2)
         mu = 1e-9 * np.abs(levels[0].H).max()
         levels[0] = levels[0].damped(mu)

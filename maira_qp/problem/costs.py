@@ -45,7 +45,7 @@ class TaskCost:
 
     def value(self, at: Configuration) -> float:
         """Half of the squared weighted error."""
-        return 0.5 * sum(float(r @ r) for r in (task.weights * task.error(at) for task in self.tasks))
+        return 0.5 * sum(float(r @ r) for r in (task.weighted_error(at) for task in self.tasks))
 
     def level(self, at: Configuration) -> Level:
         """Gauss-Newton."""
@@ -186,15 +186,15 @@ class WeightedCost:
 
 
 def strict_levels(
-    cost: TaskCost, objectives: Sequence[Objective], at: Configuration, held: np.ndarray
+    first: Level, cost: TaskCost, objectives: Sequence[Objective], at: Configuration, held: np.ndarray
 ) -> tuple[Level, ...]:
-    """The tasks as level 1, the objectives as the levels below it; `held` (n,) marks the joints that a limit holds.
+    """The tasks as level 1, `first` their model, the objectives as the levels below it.
 
-    The Hessian of a lower level is that of its Lagrangian, its own plus the curvature of the rows above times their
-    multipliers: on a curved self-motion the objective bends with the path.
+    `held` (n,) marks the joints that a limit holds. The Hessian of a lower level is that of its Lagrangian, its own
+    plus the curvature of the rows above times their multipliers: on a curved self-motion the objective bends with the
+    path.
     """
-    levels, above = [cost.level(at)], cost
-    rows = levels[0].rows
+    levels, above, rows = [first], cost, first.rows
     for objective in objectives:
         gradient, H = objective.gradient(at), objective.hessian(at)
         H = H + above.curvature(at, multipliers(rows, gradient, held))

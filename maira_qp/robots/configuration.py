@@ -28,7 +28,7 @@ class Configuration:
     use: they share one Pinocchio `Data` a thread, which remembers whose kinematics it holds.
     """
 
-    __slots__ = ("_jacobians", "_kinematics", "_placements", "q")
+    __slots__ = ("_jacobians", "_kinematics", "_placements", "kept", "q")
 
     def __init__(self, kinematics: Kinematics, q: np.ndarray) -> None:
         """`q` (n,) [rad, or m] is copied and not checked: this runs in every iteration of a solver."""
@@ -37,6 +37,8 @@ class Configuration:
         self.q.setflags(write=False)
         self._placements: dict[int, pin.SE3] = {}
         self._jacobians: dict[int, np.ndarray] = {}
+        self.kept: dict[tuple[int, str], tuple[object, np.ndarray]] = {}
+        """What others computed for this q, by the id of the object that it belongs to, which is kept alive with it."""
 
     @property
     def n(self) -> int:

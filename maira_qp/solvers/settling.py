@@ -158,7 +158,7 @@ class _Walk:
     def _step_with(self, held: np.ndarray, at: Configuration, bounds: Bounds) -> np.ndarray:
         """The displacement (n,) with the curvature that belongs to the joints `held` (n,) by their limits."""
         self.budget.iterations += 1
-        pose, *below = strict_levels(self.cost, self.objectives, at, held)
+        pose, *below = strict_levels(self.cost.level(at), self.cost, self.objectives, at, held)
         regained = replace(pose, c=np.zeros_like(pose.c))  # to 1e-11: what is left is not worth a displacement
         dq = solve_hierarchy([regained, *below], bounds, self.setting.backend)
         return np.zeros_like(at.q) if dq is None else dq
@@ -185,7 +185,7 @@ class _Walk:
     def _projected_gradient(self, at: Configuration, priority: int) -> float:
         """Largest entry of an objective's gradient that the limits, the pose and the objectives above leave free."""
         bounds = self.setting.bounds(at)
-        above = strict_levels(self.cost, self.objectives[:priority], at, bounds.held)
+        above = strict_levels(self.cost.level(at), self.cost, self.objectives[:priority], at, bounds.held)
         return projected_gradient(self.objectives[priority].gradient(at), above, bounds, self.setting.backend)
 
     def _is_optimal(self, at: Configuration) -> bool:

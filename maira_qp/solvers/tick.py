@@ -98,18 +98,19 @@ def _models(
         return [_Model(merit.value, _damped(merit.level(at), cost, at, setting))]
     below = (*soft, *objectives)
     plain = [each.without_wishes() if isinstance(each, LevelObjective) else each for each in below]
-    _, *levels = strict_levels(cost.without_wishes(), plain, at, bounds.held)
-    models = [_Model(cost.value, _of_tasks(ExactTaskCost(cost.without_wishes()).level(at), cost, at, setting, now))]
-    for objective, model, level in zip(below, plain, levels, strict=True):
+    first = cost.without_wishes()
+    levels = strict_levels(ExactTaskCost(first).level(at), first, plain, at, bounds.held)
+    models = [_Model(cost.value, _of_tasks(levels[0], first.pull(at), cost, at, setting, now))]
+    for objective, model, level in zip(below, plain, levels[1:], strict=True):
         if isinstance(objective, LevelObjective) and isinstance(model, LevelObjective):
-            level = replace(_of_tasks(level, objective.tasks, at, setting, now), c=model.pull(at))
+            level = _of_tasks(level, model.pull(at), objective.tasks, at, setting, now)
         models.append(_Model(objective.cost, level))
     return models
 
 
-def _of_tasks(level: Level, cost: TaskCost, at: Configuration, setting: Setting, now: Tick) -> Level:
+def _of_tasks(level: Level, pull: np.ndarray, cost: TaskCost, at: Configuration, setting: Setting, now: Tick) -> Level:
     """A level's model with the gains, the inequalities and the damping of its tasks."""
-    return _damped(replace(level, c=cost.without_wishes().pull(at), wishes=cost.wishes(at, now)), cost, at, setting)
+    return _damped(replace(level, c=pull, wishes=cost.wishes(at, now)), cost, at, setting)
 
 
 def _damped(level: Level, cost: TaskCost, at: Configuration, setting: Setting) -> Level:
@@ -133,40 +134,25 @@ def _safe(
     models: Sequence[_Model], at: Configuration, displacements: Sequence[np.ndarray], setting: Setting, bounds: Bounds
 ) -> np.ndarray:
     """The displacement (n,) with each level's part shortened until the true costs and the bent limits allow it."""
-    dq, solved = bounds.rest, bounds.rest
-    broken = max(setting.violation(at), setting.violation(at.moved(dq))) if setting.is_bent else 0.0
-    most: list[float] = []
+    dq = solved = bounds.rest
+    there = at.moved(dq) if dq.any() else at
+    broken = max(setting.violation(at), setting.violation(there)) if setting.is_bent else 0.0
+    highest: list[float] = []  # what the levels so far may cost
     for k, displacement in enumerate(displacements):
-        there = at.moved(dq)
-        before = [models[j].value(there) for j in range(k + 1)]
-        highest = [*most, before[k] + (1e-9 * (1 + abs(before[k])) if k else 0.0)]
-        part, solved = displacement - solved, displacement
-        dq = dq + _share(models[: k + 1], highest, broken, at, dq, part, setting, bounds)
-        after = models[k].value(at.moved(dq))
-        most.append(max(0.5 * (before[k] + after), 0.5 * SMALL_ERROR**2))
+        before = models[k].value(there)
+        now = [*highest, before + (1e-9 * (1 + abs(before)) if k else 0.0)]
+        part, solved, after = displacement - solved, displacement, before
+        for _ in range(HALVINGS):
+            trial = at.moved(dq + part)
+            if bounds.contain(dq + part) and not (setting.is_bent and setting.violation(trial) > broken):
+                after = models[k].value(trial)
+                above = zip(models[:k], highest, strict=True)
+                if after <= now[k] and all(model.value(trial) <= most for model, most in above):
+                    dq, there = dq + part, trial
+                    break
+            part, after = 0.5 * part, before
+        highest.append(max(0.5 * (before + after), 0.5 * SMALL_ERROR**2))
     return dq
-
-
-def _share(
-    models: Sequence[_Model],
-    highest: Sequence[float],
-    broken: float,
-    at: Configuration,
-    dq: np.ndarray,
-    part: np.ndarray,
-    setting: Setting,
-    bounds: Bounds,
-) -> np.ndarray:
-    """The largest of `HALVINGS` shares of a part (n,) that may follow dq (n,); zero if none may."""
-    for _ in range(HALVINGS):
-        trial = dq + part
-        if bounds.contain(trial):
-            there = at.moved(trial)
-            costs_allow = all(model.value(there) <= high for model, high in zip(models, highest, strict=True))
-            if costs_allow and not (setting.is_bent and setting.violation(there) > broken):
-                return part
-        part = 0.5 * part
-    return np.zeros_like(dq)
 
 
 def split_equalities(

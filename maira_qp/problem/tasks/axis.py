@@ -7,6 +7,7 @@ the exact gradient of `1/2 theta^2`. The turn about d is taken out of the rows: 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from maira_qp.arrays import real_array
 from maira_qp.errors import OptionError
+from maira_qp.orientation import skew
 from maira_qp.problem.tasks.frame import TargetTask
 from maira_qp.problem.tasks.task import checked_weights
 from maira_qp.robots.configuration import Configuration
@@ -117,7 +119,7 @@ class LookAtTask(_DirectionTask):
 
     def _direction(self, origin: np.ndarray) -> tuple[np.ndarray, float]:
         away = (self.target.translation if self.point is None else self.point) - origin
-        distance = max(float(np.linalg.norm(away)), NEAR)
+        distance = max(math.hypot(*away.tolist()), NEAR)
         return (away / distance if distance > NEAR else np.array([0.0, 0.0, 1.0])), distance
 
 
@@ -127,18 +129,12 @@ NEAR = 1e-9
 
 def rotation_between(a: np.ndarray, d: np.ndarray) -> np.ndarray:
     """Rotation vector (3,) [rad] that takes the unit vector a (3,) to d (3,) the short way; half a turn has many."""
-    across, along = np.cross(a, d), float(a @ d)
-    sine = float(np.linalg.norm(across))
+    across, along = skew(a) @ d, float(a @ d)
+    sine = math.hypot(*across.tolist())
     if sine < 1e-12 and along < 0:
-        across = np.cross(a, np.eye(3)[np.abs(a).argmin()])
-        return np.pi * across / np.linalg.norm(across)
-    return across * (np.arctan2(sine, along) / sine) if sine > 0 else np.zeros(3)
-
-
-def skew(v: np.ndarray) -> np.ndarray:
-    """`skew(v) @ x = v x x`, (3, 3)."""
-    x, y, z = v
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        across = skew(a)[:, np.abs(a).argmin()]
+        return math.pi * across / np.linalg.norm(across)
+    return across * (math.atan2(sine, along) / sine) if sine > 0 else np.zeros(3)
 
 
 def unit_vector(value: Any, name: str) -> np.ndarray:

@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.errors import OptionError
-from maira_qp.orientation import orientation_error
+from maira_qp.orientation import orientation_error, skew
 from maira_qp.problem.pose import as_pose
 from maira_qp.problem.tasks.task import Task, checked_weights
 from maira_qp.robots.configuration import Configuration
@@ -157,7 +157,7 @@ class FrameTask(TargetTask):
         H = A.T @ A - at.kinematic_hessian_product(self.frame, pull)
         if w[0] > 0 and (w == w[0]).all():
             phi = orientation_error(at.placement(self.frame).rotation, self.target.rotation)
-            turn = w[0] * np.cross(phi, at.jacobian(self.frame)[3:], axisb=0).T
+            turn = w[0] * skew(phi) @ at.jacobian(self.frame)[3:]
             H -= _flattening(float(np.linalg.norm(phi))) * turn.T @ turn
         return H
 
@@ -186,8 +186,7 @@ def frame_error(actual: pin.SE3, target: pin.SE3) -> np.ndarray:
 
 def inverse_right_jacobian(phi: np.ndarray) -> np.ndarray:
     """`J^-1_r` (3, 3) of SO(3) at a rotation vector phi (3,) [rad]: `I + [phi]x / 2 + k [phi]x^2`."""
-    x, y, z = phi
-    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    K = skew(phi)
     return np.eye(3) + 0.5 * K + _flattening(float(np.linalg.norm(phi))) * (K @ K)
 
 

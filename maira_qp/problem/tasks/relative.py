@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.errors import FrameError, OptionError
-from maira_qp.problem.tasks.axis import skew
+from maira_qp.orientation import skew
 from maira_qp.problem.tasks.frame import METRE, TargetTask, frame_error
 from maira_qp.problem.tasks.task import checked_weights
 from maira_qp.robots.configuration import Configuration

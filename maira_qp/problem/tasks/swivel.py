@@ -15,6 +15,7 @@ import numpy as np
 
 from maira_qp.arrays import real_array
 from maira_qp.errors import OptionError
+from maira_qp.orientation import skew
 from maira_qp.problem.tasks.axis import unit_vector
 from maira_qp.problem.tasks.task import Task, checked_weights
 from maira_qp.robots.configuration import Configuration
@@ -80,7 +81,7 @@ class SwivelTask(Task):
             return np.zeros((1, at.n))
         # psi = atan2(y, x), both in a frame that turns with the line shoulder-wrist
         across = (x * side - y * up) / (x * x + y * y)
-        along = np.cross(up, side)
+        along = skew(up) @ side
         reference = np.array(self.reference)
         lift = float(reference @ up)
         slope = float(elbow @ along) * across  # the line turns under the elbow
@@ -96,7 +97,7 @@ class SwivelTask(Task):
         up = np.array(self.reference) - (along @ self.reference) * along
         norm = float(np.linalg.norm(up))
         if norm < SMALL:  # the line runs along the reference: any direction across will do
-            up = np.cross(along, np.eye(3)[np.abs(along).argmin()])
+            up = skew(along)[:, np.abs(along).argmin()]
             norm = float(np.linalg.norm(up))
         up = up / norm
-        return e - s, np.cross(along, up), up, length
+        return e - s, skew(along) @ up, up, length

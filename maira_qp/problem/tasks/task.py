@@ -102,11 +102,20 @@ class Task(ABC):
         """What is left of the error [m] and [rad]: what the tolerances of `Options` are compared with."""
         return 0.0, float(np.linalg.norm(self.error(at)))
 
+    def weighted_error(self, at: Configuration) -> np.ndarray:
+        """W e (m,), computed once for a configuration."""
+        kept = at.kept.get((id(self), "error"))
+        if kept is None:
+            kept = at.kept[id(self), "error"] = (self, self.weights * self.error(at))
+        return kept[1]
+
     def rows(self, at: Configuration) -> tuple[np.ndarray, np.ndarray]:
-        """The weighted Jacobian W J (m, n) and the weighted error W e (m,)."""
-        J, e = self.jacobian(at), self.error(at)
-        weights = np.asarray(self.weights)
-        return weights.reshape(-1, 1) * J, weights * e
+        """The weighted Jacobian W J (m, n) and the weighted error W e (m,), computed once for a configuration."""
+        kept = at.kept.get((id(self), "jacobian"))
+        if kept is None:
+            weights = np.asarray(self.weights).reshape(-1, 1)
+            kept = at.kept[id(self), "jacobian"] = (self, weights * self.jacobian(at))
+        return kept[1], self.weighted_error(at)
 
 
 def check_place(priority: object, gain: object) -> None:
