@@ -309,3 +309,22 @@ def test_a_solver_with_many_levels_pickles(maira):
     again = pickle.loads(pickle.dumps(solver))
     target = maira.forward(np.array([0.2, 0.4, 0.0, 1.0, 0.1, 0.6, 0.0]))
     assert np.array_equal(again.step(np.zeros(7), target, 0.1).q, solver.step(np.zeros(7), target, 0.1).q)
+
+
+def test_a_wish_may_be_a_collision_and_the_only_task(maira, rng):
+    """What a wish reached is held while levels below it are settled: rows come and go with what is near."""
+    ball = mq.CollisionLimit(obstacles=[mq.Sphere(0.15, mq.pose([0.4, 0, 0.6]))], margin=0.05, self_collision=False)
+    wish = mq.LimitTask(limit=ball, priority=2)
+    solver, watch = mq.Solver(maira, tasks=[wish], redundancy=mq.Strict(mq.Posture())), ball.of(maira)
+    kept = 0
+    for k in range(4):
+        q = maira.random_configuration(rng)
+        s = solver.solve(maira.forward(q), q0=q, rng=k)
+        assert s.success
+        kept += watch.distance(maira.at(s.q)) >= 0.05 - 1e-6
+    assert kept >= 2
+    bent = mq.LimitTask(limit=mq.LinearLimit(np.eye(7)[[3]], [-0.5]))
+    s = mq.Solver(maira, task=bent, redundancy=mq.Strict(mq.Posture())).solve()
+    assert s.success
+    assert s.q[3] == pytest.approx(-0.5, abs=1e-6)  # as near to the posture, at 0, as the wish allows
+    assert np.abs(np.delete(s.q, 3)).max() < 1e-5

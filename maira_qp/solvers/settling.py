@@ -28,6 +28,7 @@ from maira_qp.problem.hierarchy import projected_gradient, solve_hierarchy
 from maira_qp.problem.limits import Bounds
 from maira_qp.problem.objectives import Objective
 from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.tasks.limit import LimitTask
 from maira_qp.robots.configuration import Configuration
 from maira_qp.solvers.descent import Budget, descend
 from maira_qp.solvers.search import stationarity
@@ -74,6 +75,7 @@ def settle(
     """From a configuration that reaches the pose to the optimum of the redundancy near it."""
     objectives = redundancy.objectives if isinstance(redundancy, Strict) else (redundancy.objective,)
     settled = Settled(at, 0.0)
+    cost, setting = _wishes_held(cost, setting)
     while objectives:
         met = _tasks_alone(objectives[0])
         settled = _Walk(cost, objectives if met is None else objectives[:1], setting, budget, reached).run(settled.at)
@@ -82,6 +84,7 @@ def settle(
         if met.value(settled.at) > MET:  # it stays an objective, and so do those below it
             settled = _Walk(cost, objectives, setting, budget, reached).run(settled.at)
             break
+        met, setting = _wishes_held(met, setting)
         cost, objectives = TaskCost((*cost.tasks, *met.tasks)), objectives[1:]
         settled = replace(settled, at=_restored(cost, settled.at, setting, budget, reached) or settled.at)
     if isinstance(redundancy, Weighted):
@@ -92,6 +95,12 @@ def settle(
 def _tasks_alone(objective: Objective) -> TaskCost | None:
     """The tasks of a level that has no objectives; None for what is no such level."""
     return objective.tasks if isinstance(objective, LevelObjective) and not objective.objectives else None
+
+
+def _wishes_held(cost: TaskCost, setting: Setting) -> tuple[TaskCost, Setting]:
+    """The tasks without the limits among them, which are kept, and a setting in which they are limits."""
+    wishes = tuple(task.limit for task in cost.tasks if isinstance(task, LimitTask))
+    return (cost.without_wishes(), replace(setting, limits=(*setting.limits, *wishes))) if wishes else (cost, setting)
 
 
 def _restored(
