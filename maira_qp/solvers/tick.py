@@ -93,12 +93,14 @@ def _models(
     objectives = redundancy.objectives if isinstance(redundancy, Strict) else ()
     weighted = (ObjectiveTask(redundancy.objective, redundancy.weight),) if isinstance(redundancy, Weighted) else ()
     cost, soft = split_equalities(cost, weighted)
+    first = cost.without_wishes()
     if weighted and not soft:
-        merit = WeightedCost(cost, weighted[0].objective, weighted[0].weight)
-        return [_Model(merit.value, _damped(merit.level(at), cost, at, setting))]
+        objective, weight = weighted[0].objective, weighted[0].weight
+        level, pull = WeightedCost(first, objective, weight).level(at), first.pull(at) + weight * objective.gradient(at)
+        value = WeightedCost(cost, objective, weight).value
+        return [_Model(value, _of_tasks(level, pull, cost, at, setting, now))]
     below = (*soft, *objectives)
     plain = [each.without_wishes() if isinstance(each, LevelObjective) else each for each in below]
-    first = cost.without_wishes()
     levels = strict_levels(ExactTaskCost(first).level(at), first, plain, at, bounds.held)
     models = [_Model(cost.value, _of_tasks(levels[0], first.pull(at), cost, at, setting, now))]
     for objective, model, level in zip(below, plain, levels[1:], strict=True):
