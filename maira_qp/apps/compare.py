@@ -19,8 +19,11 @@ from maira_qp.apps.benchmark.report import legend, percent, short
 from maira_qp.apps.benchmark.runner import Plan, measure, plan
 from maira_qp.apps.benchmark.settings import Settings
 from maira_qp.apps.benchmark.statistics import Summary, summarise
+from maira_qp.problem.objectives import Posture
+from maira_qp.problem.redundancy import Strict
 from maira_qp.robots.robot import Robot
 from maira_qp.solvers.options import Options
+from maira_qp.solvers.solver import Solver
 
 MARKS = "osD^v"
 LEAST_ERROR = 1e-16
@@ -42,15 +45,17 @@ def compare(
     targets: int = 200,
     seed: int = 0,
     weights: Sequence[float] = (1e-3, 1e-6),
-    backend: str = "daqp",
+    backend: str | None = None,
     options: Options | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Comparison:
     """Solve random reachable poses with the reference, with Weighted at each of the weights, and with Strict.
 
-    `progress` is told the rows done and the rows in all. Raises `OptionError`, `BackendError`.
+    `backend` None is the solver's own choice. `progress` is told the rows done and the rows in all.
+    Raises `OptionError`, `BackendError`.
     """
     options = options or Options()
+    backend = backend or Solver(robot, redundancy=Strict(Posture()), options=options).backend
     settings = Settings(
         methods=("dh-clamped", "strict"), backends=(backend,), strata=("uniform",), targets=targets, seed=seed
     )

@@ -23,8 +23,8 @@ class Compare:
     """Seed of the poses and starts; >= 0."""
     weights: tuple[float, ...] = (1e-3, 1e-6)
     """What the posture counts against the pose, a row of the table each; > 0."""
-    backend: str = "daqp"
-    """Who solves the QPs: daqp, proxqp, osqp, ... (an unknown name lists what is installed)."""
+    backend: str | None = None
+    """Who solves the QPs: compiled, daqp, ... (an unknown name lists what is installed); None: the solver's choice."""
     picture: Path = Path("output/comparison.png")
     """File of the picture."""
     options: SolverFlags = field(default_factory=Options)
