@@ -1,0 +1,58 @@
+"""maira_qp, Pink and Mink in five scenes of control ticks: `python benchmarks/scenes.py`.
+
+An arm that reaches, two arms, a circle, self-collision, and a hand that looks at a point; each is written with the
+library's own calls (benchmarks/scenes/ours.py, with_pink.py, with_mink.py), from the same URDF, start and targets.
+`pip install 'maira-qp[bench]'` brings the peers; those that are missing are left out, with a remark. The tables are
+written beside this script.
+"""
+
+import os
+
+os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))  # before NumPy
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import tyro
+from rich.console import Console
+from scenes import judge, problems, race, report
+from scenes.players import players
+
+from maira_qp.apps.whole_files import replace_text
+
+HERE = Path(__file__).parent
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """What to run."""
+
+    scenes: tuple[Literal["reach", "dual", "circle", "collision", "look"], ...] = tuple(problems.SCENES)
+    """Which scenes; only a run of all of them is written down."""
+    rounds: int = 3
+    """Rounds over each; the fastest of each library counts."""
+
+
+def main(settings: Settings) -> None:
+    """Run every scene, print the tables as they come, and write them at the end."""
+    console = Console(record=True, width=report.WIDTH, markup=False, highlight=False)
+    outcomes, told = [], set()
+    for name in settings.scenes:
+        scene = problems.SCENES[name]()
+        taking_part, remarks = players(scene)
+        for remark in remarks:
+            if remark not in told:
+                console.print(remark)
+                told.add(remark)
+        runs = race.race(scene, taking_part, settings.rounds)
+        console.print(report.table(scene, taking_part, runs, [judge.judge(scene, run) for run in runs]))
+        outcomes.append((scene, taking_part, runs))
+    console.print(report.ratios(outcomes))
+    console.print(report.conditions(settings.rounds))
+    if set(settings.scenes) == set(problems.SCENES):
+        replace_text(HERE / "scenes.txt", console.export_text())
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Settings, description=__doc__))

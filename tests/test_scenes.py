@@ -1,0 +1,258 @@
+"""The benchmark of scenes, without the peers: what is asked, the clock, the judge, the lines, and what it reports."""
+
+import io
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+from scenes import judge, ours, players, problems, race, report
+
+
+@pytest.fixture(scope="module", params=problems.SCENES)
+def scene(request):
+    return problems.SCENES[request.param]()
+
+
+@pytest.fixture(scope="module")
+def reach():
+    return problems.SCENES["reach"]()
+
+
+def shortened(scene, ticks):
+    """The first ticks of a scene alone."""
+    return replace(scene, targets=scene.targets[:ticks], counted=np.ones(ticks, dtype=bool), ends=np.array([ticks - 1]))
+
+
+def player(build, name="somebody"):
+    return players.Player(name, build, lambda scene, target: target, 1, lambda scene: 0)
+
+
+def standing(scene):
+    """A player that stays where it is."""
+    return lambda target: scene.start
+
+
+def run_of(q):
+    return race.Run(np.ones(len(q) - 1), np.array(q), 0)
+
+
+# What is asked
+
+
+def test_a_scene_starts_within_limits_and_names_a_target_for_every_tick(scene):
+    assert (scene.robot.lower <= scene.start).all()
+    assert (scene.start <= scene.robot.upper).all()
+    assert scene.counted.shape == (len(scene.targets),)
+    assert scene.counted.any()
+    assert scene.counted[scene.ends].all()
+    assert scene.looks or all(set(target) == set(scene.tips) for target in scene.targets)
+
+
+def test_ours_follow_every_scene_within_limits(scene):
+    """A short run of each, judged by Pinocchio: no limit is broken, and the tool comes nearer to its target."""
+    short = shortened(scene, 40)
+    made = player(getattr(ours, scene.name))
+    made = replace(made, native=ours.native)
+    (run,) = race.race(short, [made], 1)
+    verdict = judge.judge(short, run)
+    assert (verdict.too_fast, verdict.outside, verdict.failed) == (0, 0, 0)
+    assert scene.srdf is None or verdict.distance >= scene.margin - 1e-9
+    stays = judge.judge(short, run_of([scene.start] * 41))
+    kind = 1 if scene.looks else 0
+    assert verdict.errors[-1, kind] < 0.9 * stays.errors[-1, kind]
+
+
+def test_the_description_that_all_get_is_the_robot_of_the_scene(scene):
+    again = ours.mq.Robot.from_urdf(scene.urdf, tip=scene.tips)
+    assert again.joint_names == scene.robot.joint_names
+    np.testing.assert_array_equal(again.velocity_limit, scene.robot.velocity_limit)
+    for tip in scene.tips:
+        here, there = (robot.forward(scene.start, tip).homogeneous for robot in (again, scene.robot))
+        np.testing.assert_allclose(here, there, atol=1e-12)
+
+
+# The judge
+
+
+def test_ticks_that_are_too_fast_or_end_outside_are_counted_with_their_size(reach):
+    short = shortened(reach, 3)
+    q = np.array([short.start] * 4)
+    q[1:, 1] += 2.0 * short.robot.velocity_limit[1] * short.dt  # one tick at twice the speed
+    q[3, 3] = short.robot.upper[3] + 1e-3  # which is too fast as well
+    verdict = judge.judge(short, run_of(q))
+    assert verdict.too_fast == 2
+    assert verdict.excess > short.robot.velocity_limit[1]
+    assert verdict.outside == 1
+    assert verdict.beyond == pytest.approx(1e-3)
+
+
+def test_what_is_no_number_is_outside(reach):
+    short = shortened(reach, 2)
+    q = np.array([short.start] * 3)
+    q[2, 0] = np.nan
+    assert judge.judge(short, run_of(q)).outside == 1
+
+
+def test_errors_are_those_of_the_worst_hand():
+    scene = shortened(problems.SCENES["dual"](), 1)
+    pose = {tip: scene.robot.forward(scene.start, tip) for tip in scene.tips}
+    pose[scene.tips[1]].translation = pose[scene.tips[1]].translation + np.array([0.0, 0.03, 0.0])
+    verdict = judge.judge(replace(scene, targets=[pose]), run_of([scene.start] * 2))
+    assert verdict.summary(0) == pytest.approx((0.03, 0.03, 0.03))
+    assert verdict.summary(1)[1] == pytest.approx(0.0, abs=1e-7)
+
+
+def test_only_ticks_that_count_are_in_the_mean():
+    errors = np.array([[1.0, 0.0], [3.0, 0.0], [9.0, 0.0]])
+    verdict = judge.Verdict(0, 0.0, 0, 0.0, 0, np.nan, errors, np.array([True, True, False]), np.array([0]))
+    assert verdict.summary(0) == (2.0, 3.0, 1.0)
+
+
+def test_the_judge_agrees_with_the_collision_limit_on_distances(rng):
+    scene = problems.SCENES["collision"]()
+    limit = ours.mq.CollisionLimit(margin=0.0, influence=5.0, meshes=[scene.package], allowed=scene.srdf)
+    limit = limit.of(scene.robot)
+    assert ours.pairs(scene) == len(limit.scene.pairs) == 44
+    for _ in range(5):
+        q = scene.start + 0.2 * rng.standard_normal(7)
+        q = scene.robot.clip(q)
+        found = judge.judge(shortened(scene, 1), run_of([scene.start, q])).distance
+        assert found == pytest.approx(limit.distance(scene.robot.at(q)), abs=1e-5)
+
+
+# The clock
+
+
+def test_everybody_gets_every_target_from_the_start_in_turns(reach):
+    short, order = shortened(reach, 5), []
+
+    def build(name):
+        def make(scene):
+            order.append(name)
+            given = []
+
+            def tick(target):
+                given.append(target)
+                assert target is short.targets[len(given) - 1]
+                return scene.start + len(given)
+
+            return tick
+
+        return player(make, name)
+
+    runs = race.race(short, [build("a"), build("b")], 2)
+    assert "".join(order) == "ab" + "ab" + "ba"
+    for run in runs:
+        np.testing.assert_array_equal(run.q, short.start + np.arange(6.0)[:, None])
+        assert run.failed == 0
+
+
+def test_the_fastest_round_counts(reach, monkeypatch):
+    now, rounds = [0.0], []
+    monkeypatch.setattr(race, "perf_counter", lambda: now[0])
+
+    def make(scene):
+        rounds.append(1)
+        cost = {1: 1.0, 2: 3.0, 3: 2.0}[len(rounds)]  # the first is the warm-up
+
+        def tick(target):
+            now[0] += cost
+            return scene.start
+
+        return tick
+
+    (run,) = race.race(shortened(reach, 4), [player(make)], 2)
+    np.testing.assert_array_equal(run.seconds, np.full(4, 2.0))
+
+
+def test_a_tick_that_raises_stands_still_and_is_counted(reach):
+    def make(scene):
+        def tick(target):
+            raise RuntimeError("no solution")
+
+        return tick
+
+    short = shortened(reach, 3)
+    (run,) = race.race(short, [player(make)], 1)
+    assert run.failed == 3
+    np.testing.assert_array_equal(run.q, np.array([short.start] * 4))
+
+
+# Who takes part, and how much they write
+
+
+def test_lines_of_code_are_those_with_code():
+    def sample(x):
+        """Not this one,
+
+        nor these.
+        """
+        # nor this
+
+        y = (
+            x,
+            "a string",
+        )
+        return y
+
+    assert players.lines_of_code(sample) == 6
+    assert players.lines_of_code(ours.reach) == players.lines_of_code(ours.circle) > 8
+
+
+def test_a_peer_that_is_missing_leaves_a_remark(reach, monkeypatch):
+    monkeypatch.setattr(players, "PEERS", {"Missing": ("no_such_module", "nothing", "scenes.nowhere")})
+    made, remarks = players.players(reach)
+    assert [each.name for each in made] == ["maira_qp", "maira_qp daqp", "maira_qp weighted"]
+    assert remarks == ["Missing: skipped, not installed (pip install 'nothing')"]
+
+
+@pytest.mark.parametrize(("module", "imported"), [("scenes.with_pink", "pink"), ("scenes.with_mink", "mink")])
+def test_peers_that_are_installed_look_at_the_same_pairs_and_keep_to_their_start(module, imported):
+    pytest.importorskip(imported)
+    theirs = pytest.importorskip(module)
+    scene = problems.SCENES["collision"]()
+    assert theirs.pairs(scene) == ours.pairs(scene)
+    short = shortened(problems.SCENES["reach"](), 40)
+    (run,) = race.race(short, [replace(player(theirs.reach), native=theirs.native)], 1)
+    verdict = judge.judge(short, run)
+    assert verdict.failed == verdict.outside == 0
+    assert verdict.errors[-1, 0] < judge.judge(short, run_of([short.start] * 41)).errors[-1, 0]
+
+
+# What it reports
+
+
+def test_the_tables_have_everybody_and_ours_as_the_unit(reach):
+    short = shortened(reach, 4)
+    made = [player(standing, name) for name in ("maira_qp", "Other")]
+    runs = [race.Run(np.full(4, seconds), np.array([short.start] * 5), 0) for seconds in (2e-5, 3e-4)]
+    runs[1] = replace(runs[1], failed=1)
+    verdicts = [judge.judge(short, run) for run in runs]
+    verdicts[1] = replace(verdicts[1], too_fast=3, excess=2e-7)
+    console = Console(file=io.StringIO(), record=True, width=report.WIDTH)
+    console.print(report.table(short, made, runs, verdicts))
+    console.print(report.ratios([(short, made, runs)]))
+    console.print(report.conditions(3))
+    text = console.export_text()
+    rows = [[cell.strip() for cell in line.split("│")] for line in text.splitlines() if line.startswith("│")]
+    assert rows[0][1:6] == ["maira_qp", "20.0", "20.0", "1", "0"]
+    assert rows[1][1] == "Other, 1 failed"
+    assert rows[1][5] == "3 (2e-07)"
+    assert rows[2][1:4] == [short.title, "1.00", "15.0"]
+    assert max(map(len, text.splitlines())) <= report.WIDTH
+
+
+def test_numbers_have_three_digits():
+    assert [report.digits(x) for x in (0.0, 1.2e-13, 0.0123456, 1.5, 99.94, 1234.5)] == [
+        "0",
+        "1.2e-13",
+        "0.0123",
+        "1.50",
+        "99.9",
+        "1234",
+    ]
