@@ -46,7 +46,10 @@ def main(settings: Settings) -> None:
                 console.print(remark)
                 told.add(remark)
         runs = race.race(scene, taking_part, settings.rounds)
-        console.print(report.table(scene, taking_part, runs, [judge.judge(scene, run) for run in runs]))
+        verdicts = [judge.judge(scene, run) for run in runs]
+        console.print(report.table(scene, taking_part, runs, verdicts))
+        if scene.srdf is not None:
+            console.print(report.distances(scene, taking_part, verdicts))
         outcomes.append((scene, taking_part, runs))
     console.print(report.ratios(outcomes))
     console.print(report.conditions(settings.rounds))

@@ -86,6 +86,7 @@ def test_ticks_that_are_too_fast_or_end_outside_are_counted_with_their_size(reac
     q[3, 3] = short.robot.upper[3] + 1e-3  # which is too fast as well
     verdict = judge.judge(short, run_of(q))
     assert verdict.too_fast == 2
+    assert verdict.travel == pytest.approx(np.abs(q[1] - q[0]).sum() + np.abs(q[3] - q[2]).sum())
     assert verdict.excess > short.robot.velocity_limit[1]
     assert verdict.outside == 1
     assert verdict.beyond == pytest.approx(1e-3)
@@ -109,7 +110,7 @@ def test_errors_are_those_of_the_worst_hand():
 
 def test_only_ticks_that_count_are_in_the_mean():
     errors = np.array([[1.0, 0.0], [3.0, 0.0], [9.0, 0.0]])
-    verdict = judge.Verdict(0, 0.0, 0, 0.0, 0, np.nan, errors, np.array([True, True, False]), np.array([0]))
+    verdict = judge.Verdict(0, 0.0, 0, 0.0, 0, 0.0, np.nan, errors, np.array([True, True, False]), np.array([0]))
     assert verdict.summary(0) == (2.0, 3.0, 1.0)
 
 
@@ -236,6 +237,7 @@ def test_the_tables_have_everybody_and_ours_as_the_unit(reach):
     verdicts[1] = replace(verdicts[1], too_fast=3, excess=2e-7)
     console = Console(file=io.StringIO(), record=True, width=report.WIDTH)
     console.print(report.table(short, made, runs, verdicts))
+    console.print(report.distances(short, made, [replace(verdict, distance=0.0201) for verdict in verdicts]))
     console.print(report.ratios([(short, made, runs)]))
     console.print(report.conditions(3))
     text = console.export_text()
@@ -243,7 +245,8 @@ def test_the_tables_have_everybody_and_ours_as_the_unit(reach):
     assert rows[0][1:6] == ["maira_qp", "20.0", "20.0", "1", "0"]
     assert rows[1][1] == "Other, 1 failed"
     assert rows[1][5] == "3 (2e-07)"
-    assert rows[2][1:4] == [short.title, "1.00", "15.0"]
+    assert rows[2][1:4] == ["maira_qp", "20.1000", "20"]
+    assert rows[4][1:4] == [short.title, "1.00", "15.0"]
     assert max(map(len, text.splitlines())) <= report.WIDTH
 
 

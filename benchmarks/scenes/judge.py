@@ -29,6 +29,8 @@ class Verdict:
     """By how much at most [rad]; 0 where none was."""
     failed: int
     """Ticks in which the library raised an error."""
+    travel: float
+    """How far all joints went together [rad]: a joint that runs to and fro goes far."""
     distance: float
     """The smallest distance between two links [m], over all ticks; NaN where nobody asks."""
     errors: np.ndarray
@@ -58,6 +60,7 @@ def judge(scene: Scene, run: Run) -> Verdict:
         outside=int((~(beyond <= SLACK)).sum()),
         beyond=float(max(beyond.max(), 0.0)),
         failed=run.failed,
+        travel=float(np.abs(np.diff(run.q, axis=0)).sum()),
         distance=_smallest_distance(scene, model, q),
         errors=_errors(scene, model, q),
         counted=scene.counted,

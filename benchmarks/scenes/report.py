@@ -27,8 +27,7 @@ def table(scene: Scene, players: Sequence[Player], runs: Sequence[Run], verdicts
     made.add_column("library", no_wrap=True)
     names = ["mean [us]", "median [us]", "lines", "too fast", "outside"]
     names += [] if scene.looks else ["position off [mm]"]
-    names += ["angle off [mrad]"]
-    names += [] if scene.srdf is None else ["nearest [mm]", "pairs"]
+    names += ["angle off [mrad]", "travel [rad]"]
     for name in names:
         made.add_column(name, justify="right", no_wrap=True)
     for player, run, verdict in zip(players, runs, verdicts, strict=True):
@@ -36,9 +35,21 @@ def table(scene: Scene, players: Sequence[Player], runs: Sequence[Run], verdicts
         cells += [_broken(verdict.too_fast, verdict.excess), _broken(verdict.outside, verdict.beyond)]
         for kind in (1,) if scene.looks else (0, 1):
             cells.append("  ".join(f"{digits(1e3 * x):>7}" for x in verdict.summary(kind)))
-        cells += [] if scene.srdf is None else [f"{1e3 * verdict.distance:.4f}", f"{player.pairs(scene)}"]
+        cells.append(digits(verdict.travel))
         name = f"{player.name}, {verdict.failed} failed" if verdict.failed else player.name
         made.add_row(name, *cells, style="bold" if player.name == OURS else None)
+    return made
+
+
+def distances(scene: Scene, players: Sequence[Player], verdicts: Sequence[Verdict]) -> Table:
+    """How near the links came to each other, and how many pairs each library looks at."""
+    made = Table(title=f"{scene.title}: distances", title_justify="left", title_style="bold")
+    made.add_column("library", no_wrap=True)
+    for name in ("nearest [mm]", "asked for [mm]", "pairs of shapes"):
+        made.add_column(name, justify="right", no_wrap=True)
+    for player, verdict in zip(players, verdicts, strict=True):
+        cells = [f"{1e3 * verdict.distance:.4f}", f"{1e3 * scene.margin:g}", f"{player.pairs(scene)}"]
+        made.add_row(player.name, *cells, style="bold" if player.name == OURS else None)
     return made
 
 
@@ -71,9 +82,8 @@ def conditions(rounds: int) -> str:
             "  how much at most; judged by Pinocchio on q before and after each tick, as are errors and distances.",
             "off: mean and largest error while the target can be reached, and where it has stood still for long, or at"
             " the last tick;",
-            "  of two hands the worse one.",
-            "nearest: the smallest distance of the links' convex hulls over all ticks, 20 mm asked for."
-            " pairs: of shapes that are looked at.",
+            "  of two hands the worse one. travel: of all joints together.",
+            "nearest: the smallest distance of the links' convex hulls over all ticks.",
             "lines: code of the scene's function, without helpers that load models. look-at with Pink: a whole"
             " orientation, made by hand.",
             f"{_processor()}, Python {platform.python_version()}",
