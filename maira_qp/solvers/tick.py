@@ -3,7 +3,8 @@
 The levels are Newton's models of the true costs, which near the target are those of Gauss-Newton, and where the target
 cannot be reached still come to rest. What each level adds is halved until it is safe: until its own true cost does not
 rise, no level above loses more than half of what it has just gained (or an error below `SMALL_ERROR`), and no limit is
-broken that the QP knows to first order only. What cannot be made safe is left out.
+broken that the QP knows to first order only, there or while the arm brakes from there. What cannot be made safe is left
+out.
 
 Limits with rows that are broken at the beginning are undone first, by a level above the others; a joint outside its own
 limits comes back because its box says so. With limits on the acceleration a joint that runs at full speed passes its
@@ -13,6 +14,7 @@ that way only so fast that every joint could still stop where it ends.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -33,6 +35,9 @@ SMALL_ERROR = 1e-3
 """|W e| below which the motion of lower levels may cost some of it again until the next tick [rad]."""
 
 HALVINGS = 12
+
+GLANCES = 8
+"""Configurations on the way to a stop at which bent limits are looked at."""
 
 FAINT = 1e-6
 """What a displacement counts against the limits that it brings the arm back into."""
@@ -67,7 +72,7 @@ def tick(
     if np.isfinite(robot.acceleration_limit).any():
         levels = _slowed(levels, at, setting, now)
     displacements = solve_each_level(levels, bounds, setting.backend, end)
-    dq = np.clip(_safe(models, at, displacements, setting, bounds), bounds.lower, bounds.upper)
+    dq = np.clip(_safe(models, at, displacements, setting, bounds, now), bounds.lower, bounds.upper)
     inside = (at.q >= robot.lower) & (at.q <= robot.upper)
     q = np.where(inside, np.clip(at.q + dq, robot.lower, robot.upper), at.q + dq)
     return q, np.clip(dq / now.dt, -robot.velocity_limit, robot.velocity_limit)
@@ -133,28 +138,49 @@ def _slowed(levels: list[Level], at: Configuration, setting: Setting, now: Tick)
 
 
 def _safe(
-    models: Sequence[_Model], at: Configuration, displacements: Sequence[np.ndarray], setting: Setting, bounds: Bounds
+    models: Sequence[_Model],
+    at: Configuration,
+    displacements: Sequence[np.ndarray],
+    setting: Setting,
+    bounds: Bounds,
+    now: Tick,
 ) -> np.ndarray:
     """The displacement (n,) with each level's part shortened until the true costs and the bent limits allow it."""
     dq = solved = bounds.rest
     there = at.moved(dq) if dq.any() else at
-    broken = max(setting.violation(at), setting.violation(there)) if setting.is_bent else 0.0
+    broken = max(setting.violation(at), _violation_ahead(there, dq, setting, now)) if setting.is_bent else 0.0
     highest: list[float] = []  # what the levels so far may cost
     for k, displacement in enumerate(displacements):
         before = models[k].value(there)
-        now = [*highest, before + (1e-9 * (1 + abs(before)) if k else 0.0)]
+        allowed = [*highest, before + (1e-9 * (1 + abs(before)) if k else 0.0)]
         part, solved, after = displacement - solved, displacement, before
         for _ in range(HALVINGS):
             trial = at.moved(dq + part)
-            if bounds.contain(dq + part) and not (setting.is_bent and setting.violation(trial) > broken):
+            bent = setting.is_bent and _violation_ahead(trial, dq + part, setting, now) > broken
+            if bounds.contain(dq + part) and not bent:
                 after = models[k].value(trial)
                 above = zip(models[:k], highest, strict=True)
-                if after <= now[k] and all(model.value(trial) <= most for model, most in above):
+                if after <= allowed[k] and all(model.value(trial) <= most for model, most in above):
                     dq, there = dq + part, trial
                     break
             part, after = 0.5 * part, before
         highest.append(max(0.5 * (before + after), 0.5 * SMALL_ERROR**2))
     return dq
+
+
+def _violation_ahead(at: Configuration, dq: np.ndarray, setting: Setting, now: Tick) -> float:
+    """By how much bent limits are broken at a configuration that was reached by dq (n,), and while the arm then brakes.
+
+    So a tick that is allowed leaves a way to stop that is allowed, and braking is always there to be chosen next.
+    """
+    worst, change = setting.violation(at), setting.robot.acceleration_limit * now.dt**2
+    size = np.abs(dq)
+    ticks = math.ceil(np.max(size / change, initial=0.0))
+    for i in np.unique(np.linspace(0, ticks, GLANCES + 1).astype(int))[1:]:
+        whole = np.minimum(i, np.floor(size / change))  # ticks in which a joint still moves
+        way = np.where(whole > 0, whole * (size - 0.5 * np.where(whole > 0, change, 0.0) * (whole + 1)), 0.0)
+        worst = max(worst, setting.violation(at.moved(np.sign(dq) * way)))
+    return worst
 
 
 def split_equalities(
