@@ -8,10 +8,12 @@ the exact gradient of `1/2 theta^2`. The turn about d is taken out of the rows: 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from maira_qp.arrays import real_array
 from maira_qp.errors import OptionError
@@ -19,7 +21,6 @@ from maira_qp.orientation import skew
 from maira_qp.problem.tasks.frame import TargetTask
 from maira_qp.problem.tasks.task import checked_weights
 from maira_qp.robots.configuration import Configuration
-from maira_qp.robots.robot import Robot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +36,20 @@ class _DirectionTask(TargetTask):
         super().__post_init__()
         checked_weights(self.weight, "weight", 1)
         object.__setattr__(self, "axis", unit_vector(self.axis, "axis"))
+
+    @property
+    def aim(self) -> np.ndarray | None:
+        """What the axis is to point along or at (3,), if it is given apart from a target."""
+        raise NotImplementedError
+
+    @property
+    def target_frame(self) -> str | None:
+        """The frame, unless the task has an aim or a target of its own."""
+        return super().target_frame if self.aim is None else None
+
+    def toward(self, targets: Mapping[str, pin.SE3]) -> TargetTask:
+        """With its target, unless it has an aim."""
+        return super().toward(targets) if self.aim is None else self
 
     @property
     def weights(self) -> float:
@@ -74,15 +89,9 @@ class AxisTask(_DirectionTask):
             object.__setattr__(self, "direction", unit_vector(self.direction, "direction"))
 
     @property
-    def target_frame(self) -> str | None:
-        """The frame, unless a direction is given."""
-        return super().target_frame if self.direction is None else None
-
-    def toward(self, targets: Any) -> AxisTask:
-        """With its target, unless a direction is given."""
-        task = super().toward(targets) if self.direction is None else self
-        assert isinstance(task, AxisTask)
-        return task
+    def aim(self) -> np.ndarray | None:
+        """The direction, if it is given."""
+        return self.direction
 
     def _direction(self, origin: np.ndarray) -> tuple[np.ndarray, None]:
         return (self.target.rotation @ self.axis if self.direction is None else self.direction), None
@@ -102,20 +111,10 @@ class LookAtTask(_DirectionTask):
                 raise OptionError("a LookAtTask has a point or a target, not both")
             object.__setattr__(self, "point", real_array(self.point, (3,), "point of LookAtTask", OptionError))
 
-    def of(self, robot: Robot) -> LookAtTask:
-        """With the frame's name."""
-        return replace(self, frame=super().of(robot).frame)
-
     @property
-    def target_frame(self) -> str | None:
-        """The frame, unless a point is given."""
-        return super().target_frame if self.point is None else None
-
-    def toward(self, targets: Any) -> LookAtTask:
-        """With its target, unless a point is given."""
-        task = super().toward(targets) if self.point is None else self
-        assert isinstance(task, LookAtTask)
-        return task
+    def aim(self) -> np.ndarray | None:
+        """The point, if it is given."""
+        return self.point
 
     def _direction(self, origin: np.ndarray) -> tuple[np.ndarray, float]:
         away = (self.target.translation if self.point is None else self.point) - origin
