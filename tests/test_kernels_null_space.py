@@ -5,9 +5,11 @@ import pytest
 from compiled_problems import few
 from scipy.optimize import nnls
 
+from maira_qp.kernels.eigenvectors import diagonalise
 from maira_qp.kernels.ldl import factor_ldl, solve_ldl
-from maira_qp.kernels.null_space import balance, factor, null_vector, shortest_solution
-from maira_qp.kernels.positive_part import diagonalise, make_positive
+from maira_qp.kernels.multipliers import find_multipliers
+from maira_qp.kernels.null_space import balance, extend, factor, null_vector, shortest_solution
+from maira_qp.kernels.positive_part import make_positive
 from maira_qp.kernels.restoration import RANK_THRESHOLD
 from maira_qp.kernels.row_qp import solve_row_qp
 from maira_qp.problem.backends import Backend
@@ -149,13 +151,77 @@ def test_the_positive_part_is_that_of_the_hierarchy(k, rng):
     assert changed > 0
 
 
-def test_eigenvalues_and_vectors(rng):
-    for _ in range(few(40)):
-        A = rng.normal(size=(6, 6))
-        D, V = np.empty((6, 6)), np.empty((6, 6))
-        diagonalise(A + A.T, 6, D, V)
-        assert np.abs(V @ np.diag(np.diag(D)) @ V.T - (A + A.T)).max() < 1e-13
-        assert np.abs(V @ V.T - np.eye(6)).max() < 1e-14
+@pytest.mark.parametrize("k", [1, 2, 3, 6, 14, 30])
+def test_eigenvalues_and_vectors(k, rng):
+    """Of matrices of any rank and scale, of blocks, with eigenvalues that are the same, and of none but zeros."""
+    for case in range(few(60)):
+        A = rng.normal(size=(k, k)) * 10 ** rng.uniform(-8, 8)
+        A = A + A.T
+        if case % 6 == 1:
+            A = A[:, : k // 2] @ A[: k // 2]
+            A = A + A.T
+        if case % 6 == 2:
+            A[: k // 2, k // 2 :], A[k // 2 :, : k // 2] = 0.0, 0.0
+        if case % 6 == 3:
+            A = np.diag(rng.integers(-1, 2, k).astype(float))
+        D, V, size = np.full((k, k), np.nan), np.full((k, k), np.nan), max(np.abs(A).max(), 1e-300)
+        diagonalise(A, k, D, V)
+        assert np.abs(V.T @ np.diag(np.diag(D)) @ V - A).max() <= 1e-14 * k * size
+        assert np.abs(np.sort(np.diag(D)) - np.linalg.eigvalsh(A)).max() <= 1e-14 * k * size
+        assert np.abs(V @ V.T - np.eye(k)).max() <= 1e-14 * k
+
+
+@pytest.mark.parametrize("n", [3, 7, 14])
+def test_rows_that_are_factored_later_give_the_null_space_of_all(n, rng):
+    """Also rows that depend on those before them, which count for nothing by their own size."""
+    for _ in range(few(60)):
+        first, second = rng.normal(size=(int(rng.integers(1, n)), n)), rng.normal(size=(3, n))
+        second[0] = rng.normal(size=len(first)) @ first
+        At, tau, order = np.full((n + 2, n + 4), np.nan), np.full(n + 4, np.nan), np.full(n + 4, -(2**62))
+        At[:n, : len(first)] = first.T
+        rank = factor(At, n, len(first), RANK_THRESHOLD, tau, order)
+        assert rank == len(first)
+        At[:n, rank : rank + 3] = second.T
+        size = float(np.linalg.norm(second, axis=1).max())
+        rank = extend(At, n, rank, rank + 3, RANK_THRESHOLD, size, tau, order)
+        rows = np.vstack([first, second])
+        assert rank == np.linalg.matrix_rank(rows)
+        for k in range(n - rank):
+            x = np.full(n, np.nan)
+            null_vector(At, n, rank, tau, k, x)
+            assert np.linalg.norm(x) == pytest.approx(1.0, abs=1e-13)
+            assert np.abs(rows @ x).max() < 1e-12
+
+
+@pytest.mark.parametrize(("m", "n"), [(3, 7), (6, 7), (6, 6), (12, 14), (24, 16), (9, 2)])
+def test_multipliers_are_the_smallest_of_least_squares(m, n, rng):
+    """Of any rank, with joints that are held, all of them too."""
+    for case in range(few(80)):
+        rank = int(rng.integers(1, min(m, n) + 1)) if case % 2 else min(m, n)
+        rows, g, held = rows_of_rank(m, n, rank, rng), rng.normal(size=n), rng.random(n) < (0, 0.3, 0.8, 1)[case % 4]
+        s = max(m, n)
+        F, found = np.full((s, s), np.nan), np.full(m, np.nan)
+        order, joints = np.full(s, -(2**62)), np.full(n, -(2**62))
+        work = [np.full(shape, np.nan) for shape in (s, s, (n, n), (n, n), (n, n))]
+        tau, x, G, D, V = work
+        find_multipliers(rows, g, held, F, tau, order, joints, x, G, D, V, found)
+        A = rows[:, ~held].T
+        values = np.linalg.svd(A, compute_uv=False) if A.size else np.zeros(0)
+        kept = values[values > 1e-9 * np.linalg.norm(rows)]
+        expected = np.linalg.lstsq(A, -g[~held], rcond=1e-6)[0]
+        worth = (kept[0] / kept[-1]) ** 2 * max(1.0, np.abs(expected).max()) if len(kept) else 1.0
+        assert np.abs(found - expected).max() < 1e-13 * worth
+
+
+def test_rows_of_joints_that_do_not_move_them_give_no_multipliers(rng):
+    """Entries of rounding's size, where the joints that do are held, are not divided by."""
+    rows, g, held = rng.normal(size=(3, 7)), rng.normal(size=7), np.arange(7) < 5
+    rows[:, 5:] *= 1e-17
+    F, found = np.full((7, 7), np.nan), np.full(3, np.nan)
+    order, joints = np.full(7, 0), np.full(7, 0)
+    tau, x, G, D, V = (np.full(shape, np.nan) for shape in (7, 7, (7, 7), (7, 7), (7, 7)))
+    find_multipliers(rows, g, held, F, tau, order, joints, x, G, D, V, found)
+    assert np.abs(found).max() < 1e-9
 
 
 def row_qp(H, c, Z, lower, upper) -> tuple[np.ndarray, np.ndarray, bool]:

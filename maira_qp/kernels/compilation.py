@@ -23,10 +23,19 @@ def bare_kernel(function: Callable) -> Any:
     return _compiled(function, _nrt=False)
 
 
+def inner_kernel(function: Callable) -> Any:
+    """A bare kernel that other kernels alone call, as they do all whose names begin with an underscore.
+
+    It has no entry from Python, which for many or large arguments takes as long to compile as the kernel.
+    """
+    return _compiled(function, _nrt=False, no_cpython_wrapper=True)
+
+
 def _compiled(function: Callable, **options: Any) -> Any:
     if config.DISABLE_JIT:
         return _silent(function)
-    options |= {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+    options.setdefault("no_cpython_wrapper", function.__name__.startswith("_"))
+    options |= {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
     try:
         return njit(cache=True, **options)(function)
     except RuntimeError:  # no folder for the cache: a read-only package and no home

@@ -13,16 +13,35 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from maira_qp.kernels.compilation import bare_kernel
+
+NONE = np.int64(0)
+"""No literal, for which the compiler would make versions of their own of the functions that it is passed to."""
+
+NO_PART = 1e-11
+"""A joint with a smaller entry in a basis vector takes no part, and must not feel its limit."""
 
 
 @bare_kernel
 def factor(At, n, m, threshold, tau, order):
     """Factor the (n, m) corner of At in place. The rank: pivots above `threshold` times the first."""
-    for c in range(m):
+    return extend(At, n, NONE, m, threshold, 0.0, tau, order)
+
+
+@bare_kernel
+def extend(At, n, rank, m, threshold, size, tau, order):
+    """Factor columns rank to m of At (n, m) too, in place, where those before them are factored already: the new rank.
+
+    A new pivot counts above `threshold` times the first new one, or times `size` where that is larger.
+    """
+    for c in range(rank, m):
         order[c] = c
-    first = 0.0
-    for j in range(min(n, m)):
+        for j in range(rank):
+            _reflect_column(At, n, j, tau, c)
+    first = size
+    for j in range(rank, min(n, m)):
         pivot, most = j, -1.0
         for c in range(j, m):
             square = 0.0
@@ -31,8 +50,8 @@ def factor(At, n, m, threshold, tau, order):
             if square > most:
                 pivot, most = c, square
         norm = math.sqrt(max(most, 0.0))
-        if j == 0:
-            first = norm
+        if j == rank:
+            first = max(first, norm)
         if not norm > threshold * first:
             return j
         if pivot != j:
@@ -47,14 +66,20 @@ def factor(At, n, m, threshold, tau, order):
         for i in range(j + 1, n):
             At[i, j] *= scale
         for c in range(j + 1, m):
-            s = At[j, c]
-            for i in range(j + 1, n):
-                s += At[i, j] * At[i, c]
-            s *= tau[j]
-            At[j, c] -= s
-            for i in range(j + 1, n):
-                At[i, c] -= s * At[i, j]
-    return min(n, m)
+            _reflect_column(At, n, j, tau, c)
+    return max(rank, min(n, m))
+
+
+@bare_kernel
+def _reflect_column(At, n, j, tau, c):
+    """Apply reflection j to column c of At, in place."""
+    s = At[j, c]
+    for i in range(j + 1, n):
+        s += At[i, j] * At[i, c]
+    s *= tau[j]
+    At[j, c] -= s
+    for i in range(j + 1, n):
+        At[i, c] -= s * At[i, j]
 
 
 @bare_kernel
@@ -70,6 +95,17 @@ def reflect(At, n, j, tau, x):
 
 
 @bare_kernel
+def others(held, joints):
+    """The joints that are not `held` (n,) into `joints`: how many."""
+    count = 0
+    for i in range(len(held)):
+        if not held[i]:
+            joints[count] = i
+            count += 1
+    return count
+
+
+@bare_kernel
 def null_vector(At, n, rank, tau, k, x):
     """Column k, from 0, of the basis of the null space into x (n,)."""
     for i in range(n):
@@ -77,6 +113,38 @@ def null_vector(At, n, rank, tau, k, x):
     x[rank + k] = 1.0
     for j in range(rank - 1, -1, -1):
         reflect(At, n, j, tau, x)
+
+
+@bare_kernel
+def null_basis(At, tau, joints, count, rank, g, x, Z, c):
+    """Basis Z (n, k) of the null space of the factored rows, and `c = Z^T g` (k,); k = count - rank. Work: x (n,)."""
+    for b in range(count - rank):
+        null_vector(At, count, rank, tau, b, x)
+        for i in range(len(g)):
+            Z[i, b] = 0.0
+        s = 0.0
+        for a in range(count):
+            part = x[a] if abs(x[a]) >= NO_PART else 0.0
+            Z[joints[a], b] = part
+            s += part * g[joints[a]]
+        c[b] = s
+
+
+@bare_kernel
+def reduce(H, k, Z, x, M):
+    """`Z^T H Z` into M (k, k); work: x (n,)."""
+    n = len(x)
+    for b in range(k):
+        for i in range(n):
+            s = 0.0
+            for j in range(n):
+                s += H[i, j] * Z[j, b]
+            x[i] = s
+        for a in range(b + 1):
+            s = 0.0
+            for i in range(n):
+                s += Z[i, a] * x[i]
+            M[a, b], M[b, a] = s, s
 
 
 @bare_kernel

@@ -1,19 +1,14 @@
 """A symmetric matrix made positive by the size of its eigenvalues: a descent direction from any Hessian.
 
 The compiled form of `maira_qp.problem.hierarchy.positive_part`. Most matrices that come are positive, which the pivots
-of a factorisation show at little cost; the others are diagonalised by Jacobi's rotations (Golub and Van Loan, "Matrix
-Computations", 2013, section 8.5).
+of a factorisation show at little cost; the others are diagonalised.
 """
 
 from __future__ import annotations
 
-import math
-
 from maira_qp.kernels.compilation import bare_kernel
+from maira_qp.kernels.eigenvectors import diagonalise
 from maira_qp.kernels.ldl import factor_ldl
-
-SWEEPS = 30
-"""Jacobi's method converges quadratically: six or seven sweeps are common."""
 
 LEAST_SHARE, LEAST = 1e-9, 1e-12
 """Eigenvalues are lifted to this share of the largest, and to this size."""
@@ -35,55 +30,11 @@ def make_positive(H, k, D, V):
     largest = 0.0
     for i in range(k):
         largest = max(largest, abs(D[i, i]))
-    for i in range(k):
-        D[i, i] = max(abs(D[i, i]), LEAST_SHARE * largest, LEAST)
-    for i in range(k):
-        for j in range(i + 1):
-            h = 0.0
-            for p in range(k):
-                h += V[i, p] * D[p, p] * V[j, p]
-            H[i, j] = h
-            H[j, i] = h
+    for p in range(k):
+        more = max(abs(D[p, p]), LEAST_SHARE * largest, LEAST) - D[p, p]
+        if more > 0.0:
+            for i in range(k):
+                part = more * V[p, i]
+                for j in range(k):
+                    H[i, j] += part * V[p, j]
     return False
-
-
-@bare_kernel
-def diagonalise(H, k, D, V):
-    """Eigenvalues on the diagonal of D (k, k) and eigenvectors in the columns of V (k, k) of a symmetric H (k, k)."""
-    size = 0.0
-    for i in range(k):
-        for j in range(k):
-            D[i, j] = H[i, j]
-            V[i, j] = 1.0 if i == j else 0.0
-            size = max(size, abs(H[i, j]))
-    for _ in range(SWEEPS):
-        off = 0.0
-        for i in range(k):
-            for j in range(i):
-                off = max(off, abs(D[i, j]))
-        if not off > 1e-15 * size:  # NaN ends here too
-            break
-        for i in range(k):
-            for j in range(i):
-                _rotate(D, V, k, j, i)
-
-
-@bare_kernel
-def _rotate(D, V, k, p, q):
-    """The rotation in the plane of p and q that makes D[p, q] zero."""
-    if D[p, q] == 0.0:
-        return
-    theta = (D[q, q] - D[p, p]) / (2.0 * D[p, q])
-    t = 1.0 / (abs(theta) + math.sqrt(1.0 + theta * theta))
-    t = t if theta >= 0.0 else -t
-    c = 1.0 / math.sqrt(1.0 + t * t)
-    s = t * c
-    for i in range(k):
-        a, b = D[i, p], D[i, q]
-        D[i, p], D[i, q] = c * a - s * b, s * a + c * b
-    for i in range(k):
-        a, b = D[p, i], D[q, i]
-        D[p, i], D[q, i] = c * a - s * b, s * a + c * b
-    for i in range(k):
-        a, b = V[i, p], V[i, q]
-        V[i, p], V[i, q] = c * a - s * b, s * a + c * b

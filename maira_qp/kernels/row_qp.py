@@ -35,12 +35,6 @@ def solve_row_qp(H, c, k, Z, lower, upper, memory, index, z, x):
     if k == 1:
         _clamp(H, c, Z, lower, upper, z, x)
         return True
-    return _change_active_set(H, c, k, Z, lower, upper, memory, index, z, x)
-
-
-@bare_kernel
-def _change_active_set(H, c, k, Z, lower, upper, memory, index, z, x):
-    """`solve_row_qp` for any k."""
     n = len(x)
     Bt, Y, M, F = memory[:n], memory[n : 2 * n], memory[2 * n : 3 * n], memory[3 * n : 4 * n]
     tau, g, step, v = memory[4 * n], memory[4 * n + 1], memory[4 * n + 2], memory[4 * n + 3]

@@ -22,7 +22,7 @@ from maira_qp.kernels.descent import (
     pose_cost,
     squares,
 )
-from maira_qp.kernels.null_space import balance, null_vector
+from maira_qp.kernels.null_space import balance, null_basis, reduce
 from maira_qp.kernels.objective import objective_cost
 from maira_qp.kernels.pose_hessian import add_curvature, weigh
 from maira_qp.kernels.positive_part import make_positive
@@ -42,9 +42,6 @@ OUTCOME = 6
 
 NEAR_ENOUGH = 0.03
 """On the way the weighted pose error may be this share of the step's square [1/rad], within the tolerances."""
-
-NO_PART = 1e-11
-"""A joint with a smaller entry in a basis vector takes no part, and must not feel its limit."""
 
 MULTIPLIER_THRESHOLD = 1e-6
 """Pivots below this share of the first make no multipliers: near a singularity they would be without bound."""
@@ -194,21 +191,6 @@ def _projected_gradient(chain, settings, reference, weights, work, q):
 
 
 @bare_kernel
-def null_basis(At, tau, joints, count, rank, g, x, Z, c):
-    """Basis Z (n, k) of the null space of the factored rows, and `c = Z^T g` (k,); k = count - rank. Work: x (n,)."""
-    for b in range(count - rank):
-        null_vector(At, count, rank, tau, b, x)
-        for i in range(len(g)):
-            Z[i, b] = 0.0
-        s = 0.0
-        for a in range(count):
-            part = x[a] if abs(x[a]) >= NO_PART else 0.0
-            Z[joints[a], b] = part
-            s += part * g[joints[a]]
-        c[b] = s
-
-
-@bare_kernel
 def _step(chain, settings, weights, k, radius, work, q):
     """To the optimum of the model within the trust region, into work.ahead (n,): the longest displacement of a joint.
 
@@ -274,23 +256,6 @@ def lagrangian_hessian(settings, weights, count, rank, work):
             H[i, j] = 0.0
         H[i, i] = weights[i]
     add_curvature(J, work.weighted, H)
-
-
-@bare_kernel
-def reduce(H, k, Z, x, M):
-    """`Z^T H Z` into M (k, k); work: x (n,)."""
-    n = len(x)
-    for b in range(k):
-        for i in range(n):
-            s = 0.0
-            for j in range(n):
-                s += H[i, j] * Z[j, b]
-            x[i] = s
-        for a in range(b + 1):
-            s = 0.0
-            for i in range(n):
-                s += Z[i, a] * x[i]
-            M[a, b], M[b, a] = s, s
 
 
 @bare_kernel

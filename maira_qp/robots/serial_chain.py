@@ -1,13 +1,13 @@
-"""A robot's chain as the array that the kernels work on, read off `pin.Model`, so that there is one truth about it."""
+"""A robot's chain as the array that the kernels of the search work on."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
-from maira_qp.kernels.chain import LOWER, PRISMATIC, ROW, START_LOWER, START_UPPER, UPPER
+from maira_qp.kernels.chain import ROW
+from maira_qp.robots.kinematic_tree import KinematicTree
 
 if TYPE_CHECKING:
     from maira_qp.robots.robot import Robot
@@ -18,28 +18,7 @@ def chain_of(robot: Robot) -> np.ndarray:
 
     The robot must be a chain, `Robot.is_chain`.
     """
-    model, n = robot.model, robot.n
-    data = model.createData()
-    pin.computeJointJacobians(model, data, np.zeros(n))
-    chain, turn = np.zeros((n + 1, ROW)), np.eye(3)
-    for i in range(n):
-        motion = pin.getJointJacobian(model, data, i + 1, pin.LOCAL).reshape(6, n)[:, i]
-        prismatic = bool(np.abs(motion[:3]).max() > 0.5)
-        placement, next_turn = model.jointPlacements[i + 1], _z_onto(motion[:3] if prismatic else motion[3:])
-        chain[i, :9] = (turn.T @ placement.rotation @ next_turn).ravel()
-        chain[i, 9:12] = turn.T @ placement.translation
-        chain[i, PRISMATIC], chain[i, LOWER], chain[i, UPPER] = prismatic, robot.lower[i], robot.upper[i]
-        chain[i, START_LOWER], chain[i, START_UPPER] = robot.drawn_range[0][i], robot.drawn_range[1][i]
-        turn = next_turn
-    tool = model.frames[robot.frame_id(None)].placement
-    chain[n, :9], chain[n, 9:12] = (turn.T @ tool.rotation).ravel(), turn.T @ tool.translation
+    tree, chain = KinematicTree.of(robot), np.zeros((robot.n + 1, ROW))
+    chain[:-1] = tree.joints[:, :ROW]
+    chain[-1, :12] = tree.frame(None)[1]
     return chain
-
-
-def _z_onto(axis: np.ndarray) -> np.ndarray:
-    """A rotation (3, 3) whose z axis is the unit vector `axis` (3,); the identity where that is z."""
-    if axis[2] == 1.0:
-        return np.eye(3)
-    x = np.cross(np.eye(3)[np.abs(axis).argmin()], axis)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(axis, x), axis])

@@ -1,8 +1,7 @@
 """The compiled engine: which problems it takes, and the arrays that it needs of them.
 
 For one task of the tip of a serial chain with box limits it runs the search of `search.py` and `descent.py` in compiled
-code, and, without redundancy or with one `Posture` or `LimitDistance`, the settling of `settling.py` and the tick of
-`tick.py`.
+code, and, with one `Posture` or `LimitDistance`, the settling of `settling.py`.
 """
 
 from __future__ import annotations
@@ -20,7 +19,6 @@ from maira_qp.kernels.search import FARTHEST_START, OUTCOME, admit, memory_sizes
 from maira_qp.kernels.settling import OUTCOME as SETTLED
 from maira_qp.kernels.settling import settle
 from maira_qp.kernels.starts import FEATURES, fill_library
-from maira_qp.kernels.tick import KIND, NONE, STRICT, WEIGHT, WEIGHTED, tick
 from maira_qp.orientation import ORTHONORMAL_WITHIN
 from maira_qp.problem.objectives import LimitDistance, Posture
 from maira_qp.problem.redundancy import Strict, Weighted
@@ -33,7 +31,6 @@ from maira_qp.solvers.options import Options
 from maira_qp.solvers.priorities import Priorities
 from maira_qp.solvers.search import Search, found_by_kernel
 from maira_qp.solvers.targets import SEED_0, row_of
-from maira_qp.solvers.tick import HALVINGS, SMALL_ERROR
 
 CHUNK, CHUNK_OF_ATTEMPTS = 256, 80_000
 """Targets of a batch, and their attempts, that a thread takes up at a stretch: between two of them Ctrl-C is heard."""
@@ -42,6 +39,10 @@ LIBRARY, CORNERS = 512, 128
 """Configurations to start from whose poses are known, and how many of them at most have every joint on a limit.
 
 A pass over them costs a fraction of an iteration. Targets near a corner of the limits are the hardest to find."""
+
+# the entries of `Compiled.redundancy`, before 2 n more: the reference and the weights of the posture
+KIND, WEIGHT = 0, 1
+NONE, WEIGHTED, STRICT = 0, 1, 2
 
 Progress = Callable[[int, int], object]
 
@@ -63,11 +64,9 @@ class Compiled:
     """Random configurations of which a start is the best"""
     last_attempt: int
     redundancy: np.ndarray | None
-    """(2 + 2 n,) kind, weight, reference and weights of a posture, see `maira_qp.kernels.tick`; None: another wish"""
+    """(2 + 2 n,) kind, weight, reference and weights of a posture; None: another wish"""
     settling: np.ndarray
     """(7,) see `maira_qp.kernels.settling`"""
-    plain_ticks: bool
-    """No gain, damping or acceleration limit changes a tick"""
 
     @staticmethod
     def of(priorities: Priorities, extra_limits: int, options: Options) -> Compiled | str:
@@ -126,17 +125,11 @@ class Compiled:
             options.max_restarts,
             None if priorities.below else _posture(robot, priorities.redundancy),
             constants,
-            task.gain == 1 and task.damping == 0 and not np.isfinite(robot.acceleration_limit).any(),
         )
 
     def takes(self, starts: np.ndarray | None) -> bool:
         """Whether the kernels can begin there, at (n,) or (N, n): a continuous joint may have wound up too far."""
         return starts is None or bool(np.abs(starts).max(initial=0.0) <= FARTHEST_START)
-
-    @property
-    def ticks(self) -> bool:
-        """The kernels know all of a control tick."""
-        return self.redundancy is not None and self.plain_ticks
 
     @property
     def settles(self) -> bool:
@@ -166,25 +159,6 @@ class Compiled:
     def _starts(self, q0: np.ndarray | None) -> np.ndarray:
         """Starts (N, n) of a search: q0 (n,) or (N, n), or none of them."""
         return np.empty((0, self.robot.n)) if q0 is None else q0.reshape(-1, self.robot.n)
-
-    def tick(self, T: np.ndarray, q: np.ndarray, dt: float) -> tuple[int, np.ndarray, np.ndarray, list[float]]:
-        """What is wrong, see `kernels.tick.tick`; q (n,), velocity (n,), errors [m, rad] after a tick of dt [s]."""
-        ahead, speed, errors = np.empty(self.robot.n), np.empty(self.robot.n), np.empty(2)
-        numbers = np.array([SMALL_ERROR, HALVINGS, dt, ORTHONORMAL_WITHIN])
-        assert self.redundancy is not None
-        fault = tick(
-            self.chain,
-            self.settings,
-            self.redundancy,
-            numbers,
-            self.robot.velocity_limit,
-            T,
-            q,
-            ahead,
-            speed,
-            errors,
-        )
-        return fault, ahead, speed, errors.tolist()
 
     def _settle(self, rows: np.ndarray, q: np.ndarray, settled: np.ndarray) -> None:
         """Settle the redundancy at the configurations q (N, n), in place, that reach the targets (N, 12)."""

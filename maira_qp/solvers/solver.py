@@ -36,6 +36,7 @@ from maira_qp.solvers.tick import tick
 
 if TYPE_CHECKING:
     from maira_qp.solvers.compiled import Compiled
+    from maira_qp.solvers.compiled_tick import CompiledTick
 
 TOGETHER = 30
 """Restarts of the search for a configuration that meets the tasks of all levels at once: then no level has to yield."""
@@ -90,8 +91,12 @@ class Solver:
         )
         options = options or Options()
         self._compiled: Compiled | None = None
+        self._compiled_tick: CompiledTick | None = None
         if backend in (None, "compiled"):
             from maira_qp.solvers.compiled import Compiled  # heavy: Numba comes with it
+            from maira_qp.solvers.compiled_tick import CompiledTick
+
+            self._compiled_tick = CompiledTick.of(self._priorities, len(limits), options)
 
             possible = Compiled.of(self._priorities, len(limits), options)
             if isinstance(possible, Compiled):
@@ -267,11 +272,11 @@ class Solver:
         """
         if not isinstance(dt, (int, float, np.number)) or not 0 < dt < math.inf:
             raise OptionError(f"dt must be a positive number of seconds, got {dt!r}")
-        engine, n = self._compiled, self.robot.n
-        if engine is not None and engine.ticks:
-            start = q if is_native(q, (n,)) else real_array(q, (n,), "q", ConfigurationError)
-            fault, ahead, speed, (position, orientation) = engine.tick(self._native(target), start, float(dt))
-            if not fault:
+        engine, n = self._compiled_tick, self.robot.n
+        if engine is not None and deadline is None:
+            done = engine.tick(target, q, float(dt), velocity)
+            if done is not None:  # else it is said below what is wrong, or it is for the general engine
+                ahead, speed, position, orientation = done
                 return Step(speed, ahead, position, orientation, self._setting)
         if velocity is None and np.isfinite(self.robot.acceleration_limit).any():
             raise OptionError(

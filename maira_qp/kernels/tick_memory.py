@@ -1,0 +1,99 @@
+"""The arrays that a tick works in, parts of two that whoever calls it made: that costs less than to make each."""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+from maira_qp.kernels.compilation import bare_kernel, inner_kernel
+
+TickWork = namedtuple(
+    "TickWork",
+    (
+        *("poses", "tools", "targets"),  # (12,) each: of joints, and of tasks
+        *("e", "weighted", "J"),  # by task: the error (6,) and the Jacobian; six numbers
+        *("H", "C", "A", "V", "Z", "M"),  # (n, n) each: by level, and others
+        *("c", "displacements", "rows", "row_memory"),  # lines of n: by level, by level, by row of a task, of a QP
+        *("lower", "upper", "low", "high", "dq", "step", "part", "trial", "g", "y", "z", "b"),  # (n,)
+        *("F", "tau", "x", "multipliers"),  # of factored rows
+        *("mu", "values", "trial_values", "highest"),  # by level
+        *("paths", "row_index"),  # lines of n, of int64: the joints that carry a task; of a QP
+        *("free", "side", "held", "locked", "joints"),  # (n,) of int64
+        *("order", "counts", "ends"),  # of int64: of factored rows; how long a task's path is; where a level's rows end
+    ),
+)
+"""A kernel takes what it needs into local names first: it is slow to ask for a field in a loop."""
+
+
+@bare_kernel
+def memory_sizes(n, tasks, levels):
+    """How many numbers, and how many of int64, the work of a tick needs."""
+    rows, most = 6 * tasks, max(6 * tasks, n)
+    lines = 2 * levels + rows + 4 * n + 4 + 12
+    floats = 12 * (n + 2 * tasks) + 6 * (tasks + 1 + tasks * n) + (levels + 5) * n * n + lines * n
+    floats += (most + 3) * (most + n) + 4 * levels
+    return floats, (tasks + 8) * n + most + n + tasks + levels
+
+
+@inner_kernel
+def make_work(n, tasks, levels, memory, index):
+    """The work for n joints in the memory, both as long as `memory_sizes` says."""
+    rows, most = 6 * tasks, max(6 * tasks, n)
+    wide, line_count = most + n, 2 * levels + rows + 4 * n + 4 + 12
+    a = 12 * (n + 2 * tasks)
+    b = a + 6 * (tasks + 1)
+    c = b + 6 * tasks * n
+    d = c + (levels + 5) * n * n
+    e = d + line_count * n
+    f = e + (most + 3) * wide
+    poses, sixes = memory[:a].reshape(-1, 12), memory[a:b].reshape(-1, 6)
+    squares, lines = memory[c:d].reshape(-1, n, n), memory[d:e].reshape(-1, n)
+    wides, by_level, whole = memory[e:f].reshape(-1, wide), memory[f:], index[: (tasks + 8) * n].reshape(-1, n)
+    rest, single = index[(tasks + 8) * n :], lines[2 * levels + rows + 4 * n + 4 :]
+    return TickWork(
+        poses[:n],
+        poses[n : n + tasks],
+        poses[n + tasks :],
+        sixes[:tasks],
+        sixes[tasks],
+        memory[b:c].reshape(tasks, n, 6),
+        squares[:levels],
+        squares[levels],
+        squares[levels + 1],
+        squares[levels + 2],
+        squares[levels + 3],
+        squares[levels + 4],
+        lines[:levels],
+        lines[levels : 2 * levels],
+        lines[2 * levels : 2 * levels + rows],
+        lines[2 * levels + rows : 2 * levels + rows + 4 * n + 4],
+        single[0],
+        single[1],
+        single[2],
+        single[3],
+        single[4],
+        single[5],
+        single[6],
+        single[7],
+        single[8],
+        single[9],
+        single[10],
+        single[11],
+        wides[:most],
+        wides[most],
+        wides[most + 1],
+        wides[most + 2],
+        by_level[:levels],
+        by_level[levels : 2 * levels],
+        by_level[2 * levels : 3 * levels],
+        by_level[3 * levels :],
+        whole[:tasks],
+        whole[tasks : tasks + 3],
+        whole[tasks + 3],
+        whole[tasks + 4],
+        whole[tasks + 5],
+        whole[tasks + 6],
+        whole[tasks + 7],
+        rest[:wide],
+        rest[wide : wide + tasks],
+        rest[wide + tasks :],
+    )

@@ -1,0 +1,225 @@
+"""The compiled tick against the general engine, on chains and trees, at one to four levels; and what it promises.
+
+Where two of a tick's numbers are the same but for rounding, the engines may decide differently: a level that can gain
+nothing more, and whose cost the levels below may therefore not raise by a digit; rows that say nothing new, at a
+singular configuration; limits that meet there. These ticks keep the promises too.
+"""
+
+import pickle
+
+import numpy as np
+import pytest
+from conftest import load
+
+import maira_qp as mq
+from maira_qp.solvers.compiled_tick import CompiledTick
+
+ROBOTS = ["maira", "panda", "ur5", "tiago", "baxter_arms", "tiago_arms", "talos_arms", "allegro", "pr2_arms"]
+
+STRICT, WEIGHTED = mq.Strict(mq.Posture()), mq.Weighted(mq.LimitDistance(), 1e-2)
+
+
+def problems(robot: mq.Robot) -> dict[str, dict]:
+    """Arguments of solvers, by a name."""
+    first, *others = robot.tips
+    above = [mq.PoseTask(frame=first), *(mq.PositionTask(frame=f, priority=2, gain=0.7, damping=0.5) for f in others)]
+    return {
+        "poses": {},
+        "posture": {"redundancy": STRICT},
+        "weighted": {"redundancy": WEIGHTED},
+        "levels": {"task": [mq.PositionTask(frame=first), *above[1:]], "redundancy": STRICT},
+        "three": {"task": [*above, mq.ObjectiveTask(mq.Posture(), 0.5, priority=3, gain=0.5)]},
+        "four": {"task": above, "redundancy": mq.Strict(mq.LimitDistance(), mq.Posture())},
+    }
+
+
+def robot_of(name: str, acceleration: float | None = None) -> mq.Robot:
+    robot = mq.Robot.maira() if name == "maira" else load(name)
+    return robot if acceleration is None else robot.limited(acceleration=acceleration)
+
+
+def random_ticks(robot: mq.Robot, frames, rng, count: int):
+    """q, targets, dt, velocity: targets near, far, out of reach, where it stands; inside, near, at, beyond limits."""
+    lower, upper = np.maximum(robot.lower, -7), np.minimum(robot.upper, 7)
+    for k in range(count):
+        q = robot.random_configuration(rng)
+        end = np.where(rng.random(robot.n) < 0.5, upper, lower)
+        if k % 5 == 1:
+            q = np.where(rng.random(robot.n) < 0.4, end, q)
+        if k % 5 == 2:
+            q = q + 0.3 * rng.normal(size=robot.n)
+        if k % 5 == 3:
+            q = np.clip(np.where(rng.random(robot.n) < 0.4, end + 1e-3 * rng.normal(size=robot.n), q), lower, upper)
+        goal = robot.clip(q + rng.normal(size=robot.n) * (0.001, 0.1, 1.0)[k % 3])
+        targets = {frame: robot.forward(goal if k % 7 else robot.clip(q), frame) for frame in frames}
+        for pose in targets.values():
+            pose.translation *= 1.0 if k % 4 else 1.5
+        v = rng.normal(size=robot.n) * 0.3 * np.minimum(robot.velocity_limit, 10) * (k % 3 > 0)
+        yield q, targets, (0.001, 0.01, 0.1, 1.0)[k % 4], v
+
+
+@pytest.mark.parametrize("acceleration", [None, 5.0])
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_compiled_tick_is_that_of_the_general_engine(name, acceleration, rng):
+    robot = robot_of(name, acceleration)
+    ticks, differ = 0, []
+    for label, arguments in problems(robot).items():
+        compiled, general = (mq.Solver(robot, backend=backend, **arguments) for backend in (None, "daqp"))
+        assert compiled._compiled_tick is not None
+        assert general._compiled_tick is None
+        for q, targets, dt, v in random_ticks(robot, compiled._priorities.frames, rng, 20):
+            velocity = None if acceleration is None else v
+            a, b = (solver.step(q, targets, dt, velocity=velocity) for solver in (compiled, general))
+            off = max(np.abs(a.q - b.q).max(), np.abs(a.velocity - b.velocity).max() * dt)
+            off = max(off, abs(a.position_error - b.position_error), abs(a.orientation_error - b.orientation_error))
+            ticks += 1
+            if off > 1e-8:
+                differ.append((label, float(off)))
+    assert len(differ) <= 0.025 * ticks, differ
+
+
+@pytest.mark.parametrize("acceleration", [None, 5.0])
+@pytest.mark.parametrize("name", ["panda", "tiago_arms", "allegro"])
+def test_limits_hold_to_the_bit_over_many_ticks(name, acceleration, rng):
+    robot = robot_of(name, acceleration)
+    for label, arguments in problems(robot).items():
+        solver = mq.Solver(robot, **arguments)
+        q, v, dt = robot.random_configuration(rng), np.zeros(robot.n), 0.01
+        for k in range(200):
+            if k % 50 == 0:
+                goal = robot.random_configuration(rng)
+                targets = {frame: robot.forward(goal, frame) for frame in solver._priorities.frames}
+            t = solver.step(q, targets, dt, velocity=v)
+            assert (np.abs(t.velocity) <= robot.velocity_limit).all(), label
+            assert ((robot.lower <= t.q) & (t.q <= robot.upper)).all(), label
+            assert (np.abs(t.velocity - v) <= robot.acceleration_limit * dt * (1 + 1e-9) + 1e-12).all(), label
+            q, v = t.q, t.velocity
+
+
+@pytest.mark.parametrize("name", ["panda", "baxter_arms", "tiago_arms", "pr2_arms", "talos_arms"])
+def test_lower_levels_leave_those_above_as_they_are(name, rng):
+    """To first order, limits active or not, at singular configurations too."""
+    robot = robot_of(name)
+    first, *others = robot.tips
+    above = [mq.PoseTask(frame=first)]
+    below = [mq.PositionTask(frame=frame, priority=2) for frame in others]
+    solvers = [
+        mq.Solver(robot, task=above),
+        mq.Solver(robot, task=[*above, *below]),
+        mq.Solver(robot, task=[*above, *below], redundancy=STRICT),
+    ]
+    moved = 0
+    for k, (q, targets, dt, _) in enumerate(random_ticks(robot, robot.tips, rng, 200)):
+        q = np.zeros(robot.n) if k % 9 == 0 else q
+        steps = [solver.step(q, {f: targets[f] for f in solver._priorities.frames}, dt) for solver in solvers]
+        for lower, J in (
+            (steps[1:], robot.jacobian(q, first)),
+            (steps[2:], robot.jacobian(q, (others or [first])[0])[:3]),
+        ):
+            for step in lower:
+                above_it = steps[0] if len(lower) == 2 else steps[1]
+                change = dt * (step.velocity - above_it.velocity)
+                assert np.abs(J @ change).max() <= 1e-9
+                moved += np.abs(change).max() > 1e-4
+    assert moved > 100
+
+
+@pytest.mark.parametrize("name", ["panda", "baxter_arms"])
+def test_ticks_are_finite_wherever_they_begin(name, rng):
+    robot = robot_of(name, 5.0)
+    for arguments in problems(robot).values():
+        solver = mq.Solver(robot, **arguments)
+        for scale in (0.0, 1.0, 1e2, 1e4, 1e7):
+            q = scale * rng.normal(size=robot.n)
+            targets = {frame: robot.forward(robot.middle, frame) for frame in solver._priorities.frames}
+            for dt in (1e-9, 1e-3, 1e3):
+                t = solver.step(q, targets, dt, velocity=np.zeros(robot.n))
+                assert np.isfinite(t.q).all()
+                assert (np.abs(t.velocity) <= robot.velocity_limit).all()
+
+
+def test_what_is_wrong_is_said_as_by_the_general_engine(rng):
+    robot = robot_of("baxter_arms", 5.0)
+    solver, q, v = mq.Solver(robot), robot.middle.copy(), np.zeros(robot.n)
+    good = {tip: robot.forward(q, tip) for tip in robot.tips}
+    first, second = robot.tips
+    nowhere, far = np.full((4, 4), np.nan), good[first].homogeneous
+    far[0, 3] = 1e20
+    for target in (None, good[first], {first: good[first]}, good | {"nobody": good[first]}, {first: nowhere} | good):
+        if target == {first: good[first]} | good:
+            continue
+        with pytest.raises((mq.errors.PoseError, mq.errors.FrameError)):
+            solver.step(q, target, 0.01, velocity=v)
+    for wrong in (nowhere, far, "pose", np.eye(3)):
+        with pytest.raises(mq.errors.PoseError):
+            solver.step(q, good | {second: wrong}, 0.01, velocity=v)
+    for wrong in (np.full(robot.n, np.nan), q[1:], "q"):
+        with pytest.raises(mq.errors.ConfigurationError):
+            solver.step(wrong, good, 0.01, velocity=v)
+        with pytest.raises(mq.errors.ConfigurationError):
+            solver.step(q, good, 0.01, velocity=wrong)
+    with pytest.raises(mq.errors.OptionError):
+        solver.step(q, good, 0.01)
+
+
+def test_lists_and_integers_are_taken_too(rng):
+    """By the general engine, to the same end."""
+    robot = robot_of("baxter_arms")
+    solver, q = mq.Solver(robot, redundancy=STRICT), np.zeros(robot.n)
+    targets = {tip: robot.forward(np.full(robot.n, 0.1), tip) for tip in robot.tips}
+    a = solver.step(q, targets, 0.01)
+    b = solver.step([0] * robot.n, {tip: pose.homogeneous.tolist() for tip, pose in targets.items()}, 0.01)
+    np.testing.assert_allclose(a.q, b.q, rtol=0, atol=1e-9)
+
+
+def test_a_task_with_a_target_of_its_own_and_an_elbow(rng):
+    robot, general = robot_of("panda"), "daqp"
+    here = robot.forward(robot.middle + 0.1)
+    tasks = [mq.PoseTask(target=here), mq.PositionTask(frame=robot.moved_links[3], priority=2)]
+    a, b = (mq.Solver(robot, task=tasks, redundancy=STRICT, backend=backend) for backend in (None, general))
+    assert a._compiled_tick is not None
+    target = robot.forward(robot.middle + 0.2, robot.moved_links[3])
+    for _ in range(20):
+        q = robot.random_configuration(rng)
+        np.testing.assert_allclose(a.step(q, target, 0.01).q, b.step(q, target, 0.01).q, rtol=0, atol=1e-8)
+    fixed = mq.Solver(robot, task=mq.PoseTask(target=here))
+    assert fixed._compiled_tick is not None
+    assert fixed.step(robot.middle, None, 0.01).position_error > 0
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"redundancy": mq.Strict(mq.Manipulability())},
+        {"redundancy": mq.Weighted(mq.Manipulability())},
+        {"task": mq.PoseTask(orientation_weight=[1, 1, 0])},
+        {"task": [mq.PositionTask(equality=True), mq.OrientationTask()]},
+        {"task": mq.LookAtTask(point=[1, 0, 1])},
+        {"task": [mq.PoseTask(), mq.PositionTask(priority=2), mq.ObjectiveTask(mq.Posture())]},
+        {"limits": [mq.LinearLimit(np.eye(7), np.ones(7))]},
+        {"backend": "daqp"},
+    ],
+    ids=str,
+)
+def test_what_it_does_not_know_is_left_to_the_general_engine(arguments, panda):
+    solver = mq.Solver(panda, **arguments)
+    assert solver._compiled_tick is None
+    assert np.isfinite(
+        solver.step(panda.middle, None if not solver._priorities.frames else panda.forward(panda.middle), 0.01).q
+    ).all()
+
+
+def test_robots_with_mimic_joints_are_left_to_the_general_engine():
+    robot = load("pr2_fingers")
+    assert robot.kinematics.has_mimic
+    assert mq.Solver(robot)._compiled_tick is None
+
+
+def test_a_solver_with_a_compiled_tick_pickles(rng):
+    robot = robot_of("baxter_arms")
+    solver = mq.Solver(robot, redundancy=STRICT)
+    twin = pickle.loads(pickle.dumps(solver))
+    assert isinstance(twin._compiled_tick, CompiledTick)
+    targets = {tip: robot.forward(np.full(robot.n, 0.1), tip) for tip in robot.tips}
+    a, b = (each.step(robot.middle, targets, 0.01) for each in (solver, twin))
+    np.testing.assert_array_equal(a.q, b.q)
