@@ -3,7 +3,7 @@
 An arm that reaches, two arms, a circle, self-collision, and a hand that looks at a point; each is written with the
 library's own calls (benchmarks/scenes/ours.py, with_pink.py, with_mink.py), from the same URDF, start and targets.
 `pip install 'maira-qp[bench]'` brings the peers; those that are missing are left out, with a remark. The tables are
-written beside this script.
+written beside this script, and into docs/against_pink_and_mink.md.
 """
 
 import os
@@ -22,6 +22,7 @@ from scenes.players import players
 from maira_qp.apps.whole_files import replace_text
 
 HERE = Path(__file__).parent
+PAGE = HERE.parent / "docs" / "against_pink_and_mink.md"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +32,7 @@ class Settings:
     scenes: tuple[Literal["reach", "dual", "circle", "collision", "look"], ...] = tuple(problems.SCENES)
     """Which scenes; only a run of all of them is written down."""
     rounds: int = 3
-    """Rounds over each; the fastest of each library counts."""
+    """Rounds over each; the fastest time of each tick counts."""
 
 
 def main(settings: Settings) -> None:
@@ -50,11 +51,12 @@ def main(settings: Settings) -> None:
         console.print(report.table(scene, taking_part, runs, verdicts))
         if scene.srdf is not None:
             console.print(report.distances(scene, taking_part, verdicts))
-        outcomes.append((scene, taking_part, runs))
+        outcomes.append((scene, taking_part, runs, verdicts))
     console.print(report.ratios(outcomes))
     console.print(report.conditions(settings.rounds))
     if set(settings.scenes) == set(problems.SCENES):
-        replace_text(HERE / "scenes.txt", console.export_text())
+        replace_text(HERE / "scenes.txt", "".join(f"{line.rstrip()}\n" for line in console.export_text().splitlines()))
+        replace_text(PAGE, report.between(PAGE.read_text(), "scenes", report.markdown(outcomes)))
 
 
 if __name__ == "__main__":

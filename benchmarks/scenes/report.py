@@ -53,18 +53,45 @@ def distances(scene: Scene, players: Sequence[Player], verdicts: Sequence[Verdic
     return made
 
 
-def ratios(outcomes: Sequence[tuple[Scene, Sequence[Player], Sequence[Run]]]) -> Table:
+def ratios(outcomes: Sequence[tuple[Scene, Sequence[Player], Sequence[Run], Sequence[Verdict]]]) -> Table:
     """How many times as long as ours each library takes for a tick, on average, a row a scene."""
-    names = list(dict.fromkeys(player.name for _, players, _ in outcomes for player in players))
+    names = list(dict.fromkeys(player.name for _, players, _, _ in outcomes for player in players))
     made = Table(title=f"mean time of a tick over that of {OURS}", title_justify="left", title_style="bold")
     made.add_column("scene", no_wrap=True)
     for name in names:
         made.add_column(name, justify="right", no_wrap=True)
-    for scene, players, runs in outcomes:
+    for scene, players, runs, _ in outcomes:
         means = {player.name: run.seconds.mean() for player, run in zip(players, runs, strict=True)}
         cells = [digits(means[name] / means[OURS]) if name in means else "" for name in names]
         made.add_row(scene.title, *cells)
     return made
+
+
+def markdown(outcomes: Sequence[tuple[Scene, Sequence[Player], Sequence[Run], Sequence[Verdict]]]) -> str:
+    """The tables as one, for the page of the documentation."""
+    lines = [
+        "| scene | library | mean, median [us] | too fast | outside | off: mean, largest, end | nearest [mm] | lines |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for scene, players, runs, verdicts in outcomes:
+        for player, run, verdict in zip(players, runs, verdicts, strict=True):
+            unit = "mrad" if scene.looks else "mm"
+            off = ", ".join(digits(1e3 * x) for x in verdict.summary(1 if scene.looks else 0))
+            times = f"{digits(1e6 * run.seconds.mean())}, {digits(1e6 * float(np.median(run.seconds)))}"
+            limits = f"{_broken(verdict.too_fast, verdict.excess)} | {_broken(verdict.outside, verdict.beyond)}"
+            nearest = "" if scene.srdf is None else f"{1e3 * verdict.distance:.3f}"
+            title = scene.title if player is players[0] else ""
+            lines.append(
+                f"| {title} | {player.name} | {times} | {limits} | {off} {unit} | {nearest} | {player.lines} |"
+            )
+    return "\n".join(lines)
+
+
+def between(text: str, mark: str, content: str) -> str:
+    """A text with what stands between `<!-- mark -->` and `<!-- end -->` replaced. Raises `ValueError` without them."""
+    begin = text.index(f"<!-- {mark} -->") + len(f"<!-- {mark} -->")
+    end = text.index("<!-- end -->", begin)
+    return f"{text[:begin]}\n\n{content}\n\n{text[end:]}"
 
 
 def conditions(rounds: int) -> str:
@@ -72,9 +99,10 @@ def conditions(rounds: int) -> str:
     versions = ", ".join(f"{name} {version_of(name)}" for name in PACKAGES if version_of(name))
     return "\n".join(
         [
-            f"times: a tick called from Python, one thread, the best of {rounds} rounds in turns; Pink and Mink with"
-            " daqp; each library updates",
-            "  its own model in it. Targets are in its own type before the clock starts (maira_qp: arrays).",
+            f"times: a tick called from Python, one thread, the best of the same tick in {rounds} rounds in turns; Pink"
+            " and Mink with daqp;",
+            "  each library updates its own model in it. Targets are in its own type before the clock starts"
+            " (maira_qp: arrays).",
             "maira_qp: the posture below the other tasks (Strict). weighted: posture beside the pose, as Pink and Mink."
             " daqp: backend='daqp'.",
             f"too fast, outside: ticks in which a joint exceeds its limits of speed and position by more than {SLACK:g}"
