@@ -194,3 +194,21 @@ def test_a_tick_with_limited_acceleration_needs_the_velocity(maira):
         mq.Solver(robot).step(robot.middle, robot.forward(robot.middle), 0.01, velocity=np.full(7, np.nan))
     with pytest.raises(mq.errors.OptionError, match="deadline"):
         mq.Solver(robot).step(robot.middle, robot.forward(robot.middle), 0.01, velocity=np.zeros(7), deadline=-1)
+
+
+@pytest.mark.parametrize("redundancy", [None, mq.Strict(mq.Posture(np.radians([0, 20, 0, 70, 0, 60, 0])))], ids=str)
+@pytest.mark.parametrize("backend", [None, "daqp"])
+def test_a_moving_target_does_not_set_the_arm_adrift(maira, redundancy, backend):
+    """Once around a circle: no more joint travel than that of the pseudo-inverse, step by step."""
+    q = plain = np.radians([0, 20, 0, 70, 0, 60, 0.0])
+    start, solver, dt, travel = maira.forward(q), mq.Solver(maira, redundancy=redundancy, backend=backend), 0.01, [0, 0]
+    for k in range(314):
+        angle = 2 * dt * (k + 1)
+        target = start.copy()
+        target.translation = start.translation + 0.15 * np.array([np.cos(angle) - 1, np.sin(angle), 0])
+        ahead = solver.step(q, target, dt).q
+        moved = plain + np.linalg.pinv(maira.jacobian(plain)) @ mq.pose_error(maira.forward(plain), target)
+        travel[0] += np.linalg.norm(ahead - q)
+        travel[1] += np.linalg.norm(moved - plain)
+        q, plain = ahead, moved
+    assert travel[0] < 1.1 * travel[1]

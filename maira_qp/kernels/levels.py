@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from maira_qp.kernels.compilation import bare_kernel, inner_kernel
 from maira_qp.kernels.descent import ORIENTATION_WEIGHT, POSITION_WEIGHT, squares
+from maira_qp.kernels.null_space import factor, null_vector
 from maira_qp.kernels.objective import objective_cost
 from maira_qp.kernels.pose_error import pose_error
 from maira_qp.kernels.pose_hessian import add_curvature, newton_model
@@ -22,6 +23,9 @@ GAIN, TASK_DAMPING, PLACEMENT, TARGET = 2, 3, 4, 16
 TASK = 28
 JOINT, LEVEL, SOURCE = 0, 1, 2
 OWN = -1
+
+ROW_SPACE = 1e-6
+"""As in `maira_qp.solvers.tick`."""
 
 # the columns of `objectives`
 WEIGHT, OBJECTIVE_GAIN, DAMPED, REFERENCE = 0, 1, 2, 3
@@ -125,6 +129,41 @@ def add_curvature_above(tasks, places, level, work):
                 C[a, b] = 0.0
         add_curvature(work.J[t, :count], weighted, C)
         _add_on_path(work.paths[t], count, C, work.H[level])
+
+
+@inner_kernel
+def bend_along_rows(objectives, level, work):
+    """The curvature in a level's Hessian kept to what its tasks feel, as in `maira_qp.solvers.tick`."""
+    H, rows, C, F, tau, order, z, Sz = work.H[level], work.rows, work.C, work.F, work.tau, work.order, work.z, work.y
+    n, start, end = len(H), work.ends[level - 1] if level > 0 else 0, work.ends[level]
+    if start == end:
+        return
+    weight, own = objectives[level, WEIGHT], objectives[level, REFERENCE:]
+    for i in range(n):
+        for j in range(n):
+            s = weight * own[n + i] if i == j else 0.0
+            for k in range(start, end):
+                s += rows[k, i] * rows[k, j]
+            C[i, j] = s
+            H[i, j] -= s
+        for k in range(start, end):
+            F[i, k - start] = rows[k, i]
+    rank = factor(F, n, end - start, ROW_SPACE, tau, order)
+    for a in range(n - rank):
+        null_vector(F, n, rank, tau, a, z)
+        whole = 0.0
+        for i in range(n):
+            s = 0.0
+            for j in range(n):
+                s += H[i, j] * z[j]
+            Sz[i] = s
+            whole += s * z[i]
+        for i in range(n):
+            for j in range(n):
+                H[i, j] += whole * z[i] * z[j] - z[i] * Sz[j] - Sz[i] * z[j]
+    for i in range(n):
+        for j in range(n):
+            H[i, j] += C[i, j]
 
 
 @bare_kernel

@@ -16,6 +16,7 @@ from maira_qp.kernels.levels import (
     SOURCE,
     TARGET,
     add_curvature_above,
+    bend_along_rows,
     level_costs,
     level_damping,
     level_model,
@@ -62,7 +63,8 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
             above = work.rows[: work.ends[level - 1]]
             find_multipliers(above, work.g, held, F, tau, order, joints, work.x, work.M, A, V, work.multipliers)
             add_curvature_above(tasks, places, level, work)
-        else:
+        bend_along_rows(objectives, level, work)
+        if level == 0:
             make_positive(H, n, A, V)
         mu = level_damping(H, squared, asked, numbers[DAMPING], numbers[LEAST_DAMPING])
         work.mu[level] = mu if objectives[level, DAMPED] != 0.0 else 0.0

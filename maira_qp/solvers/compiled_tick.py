@@ -2,7 +2,8 @@
 
 It takes tasks of frames whose axes count the same, at any levels of a robot without mimic joints, and objectives that
 are a posture: below the tasks, alone in their level, or weighted beside the tasks of the only one. The rest is for the
-general engine, `tick.py`, to which this is the same to rounding.
+general engine, `tick.py`, to which this is the same to rounding. Limits beside those of the joints it does not know:
+its answer counts where they do not bind.
 """
 
 from __future__ import annotations
@@ -76,10 +77,10 @@ class CompiledTick:
     """How many numbers, and of int64, a tick works in"""
 
     @staticmethod
-    def of(priorities: Priorities, extra_limits: int, options: Options) -> CompiledTick | None:
+    def of(priorities: Priorities, options: Options) -> CompiledTick | None:
         """The problem's arrays; None if the kernel cannot take it."""
         robot, levels = priorities.robot, _levels(priorities)
-        if extra_limits or robot.kinematics.has_mimic or levels is None:
+        if robot.kinematics.has_mimic or levels is None:
             return None
         tree = KinematicTree.of(robot)
         rows = [_task_row(tree, priorities.frames, task, k) for k, level in enumerate(levels) for task in level.tasks]

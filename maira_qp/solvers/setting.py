@@ -9,7 +9,7 @@ import numpy as np
 
 from maira_qp.errors import OptionError
 from maira_qp.problem.backends import Backend
-from maira_qp.problem.limits import Bounds, Limit, Tick, merge
+from maira_qp.problem.limits import AccelerationLimit, Bounds, Limit, PositionLimit, Tick, VelocityLimit, merge
 from maira_qp.problem.qp import QP
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
@@ -24,9 +24,21 @@ class Setting:
     """The surroundings of a solve."""
 
     robot: Robot
-    limits: tuple[Limit, ...]
+    further: tuple[Limit, ...]
+    """The limits beside those of the joints"""
     backend: Backend
     options: Options
+
+    @cached_property
+    def limits(self) -> tuple[Limit, ...]:
+        """All limits, those of the joints first."""
+        robot = self.robot
+        return (
+            PositionLimit(robot.lower, robot.upper, robot.acceleration_limit),
+            AccelerationLimit(robot.acceleration_limit),
+            VelocityLimit(robot.velocity_limit),
+            *self.further,
+        )
 
     def bounds(self, at: Configuration, tick: Tick | None = None) -> Bounds:
         """All limits on a displacement from a configuration, in a tick if given."""

@@ -100,7 +100,7 @@ def _tasks_alone(objective: Objective) -> TaskCost | None:
 def _wishes_held(cost: TaskCost, setting: Setting) -> tuple[TaskCost, Setting]:
     """The tasks without the limits among them, which are kept, and a setting in which they are limits."""
     wishes = tuple(task.limit for task in cost.tasks if isinstance(task, LimitTask))
-    return (cost.without_wishes(), replace(setting, limits=(*setting.limits, *wishes))) if wishes else (cost, setting)
+    return (cost.without_wishes(), replace(setting, further=(*setting.further, *wishes))) if wishes else (cost, setting)
 
 
 def _restored(

@@ -18,7 +18,7 @@ from maira_qp.arrays import is_native, real_array
 from maira_qp.errors import BackendError, ConfigurationError, OptionError, listed
 from maira_qp.problem.backends import Backend, available
 from maira_qp.problem.costs import TaskCost, tasks_toward
-from maira_qp.problem.limits import AccelerationLimit, Limit, PositionLimit, Tick, VelocityLimit
+from maira_qp.problem.limits import Limit, Tick
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
@@ -32,7 +32,7 @@ from maira_qp.solvers.setting import Setting
 from maira_qp.solvers.settling import settle
 from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, solution_of
 from maira_qp.solvers.targets import SEED_0, row_of, seed_words, streams
-from maira_qp.solvers.tick import tick
+from maira_qp.solvers.tick import keeps_further_limits, tick
 
 if TYPE_CHECKING:
     from maira_qp.solvers.compiled import Compiled
@@ -84,11 +84,6 @@ class Solver:
             _check_type(limit, Limit, "limit", "mq.LinearLimit(A, b)")
         self.robot = robot
         self._priorities = Priorities.of(robot, task, tasks, redundancy)
-        own = (
-            PositionLimit(robot.lower, robot.upper, robot.acceleration_limit),
-            AccelerationLimit(robot.acceleration_limit),
-            VelocityLimit(robot.velocity_limit),
-        )
         options = options or Options()
         self._compiled: Compiled | None = None
         self._compiled_tick: CompiledTick | None = None
@@ -96,8 +91,7 @@ class Solver:
             from maira_qp.solvers.compiled import Compiled  # heavy: Numba comes with it
             from maira_qp.solvers.compiled_tick import CompiledTick
 
-            self._compiled_tick = CompiledTick.of(self._priorities, len(limits), options)
-
+            self._compiled_tick = CompiledTick.of(self._priorities, options)
             possible = Compiled.of(self._priorities, len(limits), options)
             if isinstance(possible, Compiled):
                 self._compiled = possible
@@ -105,7 +99,7 @@ class Solver:
                 raise BackendError(f"the compiled engine cannot take this: {possible}; {listed(available())}")
         if not isinstance(backend, Backend):
             backend = Backend("daqp" if backend in (None, "compiled") else backend)
-        self._setting = Setting(robot, (*own, *(limit.of(robot) for limit in limits)), backend, options)
+        self._setting = Setting(robot, tuple(limit.of(robot) for limit in limits), backend, options)
         self._setting.admitted(robot.middle)  # the limits leave something
 
     @property
@@ -272,24 +266,31 @@ class Solver:
         """
         if not isinstance(dt, (int, float, np.number)) or not 0 < dt < math.inf:
             raise OptionError(f"dt must be a positive number of seconds, got {dt!r}")
-        engine, n = self._compiled_tick, self.robot.n
-        if engine is not None and deadline is None:
-            done = engine.tick(target, q, float(dt), velocity)
-            if done is not None:  # else it is said below what is wrong, or it is for the general engine
-                ahead, speed, position, orientation = done
-                return Step(speed, ahead, position, orientation, self._setting)
-        if velocity is None and np.isfinite(self.robot.acceleration_limit).any():
-            raise OptionError(
-                "with limits on the acceleration a step needs the velocity of now: velocity=last.velocity"
-            )
         if deadline is not None and not (isinstance(deadline, (int, float)) and deadline > 0):
             raise OptionError(f"deadline must be a positive number of seconds, got {deadline!r}")
+        step = None if deadline is not None else self._compiled_step(q, target, float(dt), velocity)
+        if step is not None:
+            return step
+        n = self.robot.n
+        if velocity is None and np.isfinite(self.robot.acceleration_limit).any():
+            raise OptionError("limits on the acceleration need the velocity of now: step(..., velocity=last.velocity)")
         now = np.zeros(n) if velocity is None else real_array(velocity, (n,), "velocity", ConfigurationError)
-        cost, wish = self._priorities.costs(self._priorities.targets(target))
-        at = self.robot.at(real_array(q, (n,), "q", ConfigurationError))
-        q_next, speed = tick(cost, wish, at, self._setting, Tick(float(dt), now), deadline)
+        targets, q = self._priorities.targets(target), real_array(q, (n,), "q", ConfigurationError)
+        step = None if deadline is not None else self._compiled_step(q, targets, float(dt), now)
+        if step is not None:  # all that was amiss was the kind of the arrays
+            return step
+        cost, wish = self._priorities.costs(targets)
+        q_next, speed = tick(cost, wish, self.robot.at(q), self._setting, Tick(float(dt), now), deadline)
         position, orientation = _residual(cost, self.robot.at(q_next))
         return Step(speed, q_next, position, orientation, self._setting)
+
+    def _compiled_step(self, q: Any, target: Any, dt: float, velocity: Any) -> Step | None:
+        """A tick by the kernel; None if it does not take this, or other limits than those of the joints bind."""
+        done = None if self._compiled_tick is None else self._compiled_tick.tick(target, q, dt, velocity)
+        if done is None or not keeps_further_limits(self._setting, q, done[0], dt, velocity):
+            return None
+        ahead, speed, position, orientation = done
+        return Step(speed, ahead, position, orientation, self._setting)
 
     def _start(self, q0: Any) -> np.ndarray | None:
         return None if q0 is None else real_array(q0, (self.robot.n,), "q0", ConfigurationError)

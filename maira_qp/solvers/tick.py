@@ -1,10 +1,10 @@
 """One control tick: the hierarchy's QPs at the configuration of now, with limits on position, speed and acceleration.
 
 The levels are Newton's models of the true costs, which near the target are those of Gauss-Newton, and where the target
-cannot be reached still come to rest. What each level adds is halved until it is safe: until its own true cost does not
-rise, no level above loses more than half of what it has just gained (or an error below `SMALL_ERROR`), and no limit is
-broken that the QP knows to first order only, there or while the arm brakes from there. What cannot be made safe is left
-out.
+cannot be reached still come to rest; the curvature counts where the tasks feel a motion, not along a self-motion. What
+each level adds is halved until it is safe: until its own true cost does not rise, no level above loses more than half
+of what it has just gained (or an error below `SMALL_ERROR`), and no limit is broken that the QP knows to first order
+only, there or while the arm brakes from there. What cannot be made safe is left out.
 
 Limits with rows that are broken at the beginning are undone first, by a level above the others; a joint outside its own
 limits comes back because its box says so. With limits on the acceleration a joint that runs at full speed passes its
@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from maira_qp.problem.costs import ExactTaskCost, LevelObjective, TaskCost, WeightedCost, strict_levels
-from maira_qp.problem.hierarchy import Level, solve_each_level
+from maira_qp.problem.hierarchy import Level, null_space, positive_part, solve_each_level
 from maira_qp.problem.limits import Bounds, Tick, braking_displacement
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks.objective import ObjectiveTask
@@ -35,6 +35,9 @@ SMALL_ERROR = 1e-3
 """|W e| below which the motion of lower levels may cost some of it again until the next tick [rad]."""
 
 HALVINGS = 12
+
+ROW_SPACE = 1e-6
+"""Directions that a task feels by less than this share of what it feels most are self-motion."""
 
 GLANCES = 8
 """Configurations on the way to a stop at which bent limits are looked at."""
@@ -78,6 +81,26 @@ def tick(
     return q, np.clip(dq / now.dt, -robot.velocity_limit, robot.velocity_limit)
 
 
+def keeps_further_limits(
+    setting: Setting, q: np.ndarray, ahead: np.ndarray, dt: float, velocity: np.ndarray | None
+) -> bool:
+    """Whether a tick from q to ahead (n,), found without the limits beside those of the joints, keeps these as well.
+
+    Then it is the tick with them, too: what is best among more is best among fewer.
+    """
+    if not setting.further:
+        return True
+    at, dq = setting.robot.at(q), ahead - q
+    now = Tick(dt, np.zeros_like(q) if velocity is None else velocity)
+    for limit in setting.further:
+        box, rows = limit.box(at, now), limit.rows(at, now)
+        if box is not None and not ((box[0] <= dq).all() and (dq <= box[1]).all()):
+            return False
+        if rows is not None and not (rows[0] @ dq <= rows[1]).all():
+            return False
+    return not setting.is_bent or _violation_ahead(setting.robot.at(ahead), dq, setting, now) == 0.0
+
+
 def _back_inside(at: Configuration, setting: Setting, bounds: Bounds) -> list[_Model]:
     """A level above all others that undoes what is broken of the limits with rows, if anything is."""
     if bounds.broken is None:
@@ -101,18 +124,40 @@ def _models(
     first = cost.without_wishes()
     if weighted and not soft:
         objective, weight = weighted[0].objective, weighted[0].weight
-        level, pull = WeightedCost(first, objective, weight).level(at), first.pull(at) + weight * objective.gradient(at)
+        level = _newton(first, at, weight * objective.hessian(at))
+        pull = first.pull(at) + weight * objective.gradient(at)
         value = WeightedCost(cost, objective, weight).value
         return [_Model(value, _of_tasks(level, pull, cost, at, setting, now))]
     below = (*soft, *objectives)
     plain = [each.without_wishes() if isinstance(each, LevelObjective) else each for each in below]
-    levels = strict_levels(ExactTaskCost(first).level(at), first, plain, at, bounds.held)
+    levels = strict_levels(_newton(first, at, np.zeros((at.n, at.n))), first, plain, at, bounds.held)
     models = [_Model(cost.value, _of_tasks(levels[0], first.pull(at), cost, at, setting, now))]
     for objective, model, level in zip(below, plain, levels[1:], strict=True):
         if isinstance(objective, LevelObjective) and isinstance(model, LevelObjective):
+            if not model.objectives:
+                level = replace(level, H=_bent_along_rows(level.H, level.rows, np.zeros_like(level.H)))
             level = _of_tasks(level, model.pull(at), objective.tasks, at, setting, now)
         models.append(_Model(objective.cost, level))
     return models
+
+
+def _newton(cost: TaskCost, at: Configuration, own: np.ndarray) -> Level:
+    """Newton's model of the tasks and of what counts beside them with the Hessian `own` (n, n)."""
+    A, r = cost.rows(at)
+    H = _bent_along_rows(ExactTaskCost(cost).hessian(at) + own, A, own)
+    return Level(positive_part(H), -(A.T @ r), A, 0.5 * float(r @ r), float(r @ r))
+
+
+def _bent_along_rows(H: np.ndarray, A: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """The Hessian H (n, n) of tasks with the rows A (m, n), their curvature kept to what these feel.
+
+    Of a self-motion the error knows no better or worse, and its curvature there, which is that of the way that is left
+    in this tick, would only set the arm adrift. `own` (n, n) is what else is in H, and stays.
+    """
+    G, Z = A.T @ A, null_space(A, ROW_SPACE)
+    S = H - own - G
+    S = S - Z @ (Z.T @ S)
+    return own + G + S - (S @ Z) @ Z.T
 
 
 def _of_tasks(level: Level, pull: np.ndarray, cost: TaskCost, at: Configuration, setting: Setting, now: Tick) -> Level:
@@ -176,6 +221,8 @@ def _violation_ahead(at: Configuration, dq: np.ndarray, setting: Setting, now: T
     worst, change = setting.violation(at), setting.robot.acceleration_limit * now.dt**2
     size = np.abs(dq)
     ticks = math.ceil(np.max(size / change, initial=0.0))
+    if ticks == 0:
+        return worst
     for i in np.unique(np.linspace(0, ticks, GLANCES + 1).astype(int))[1:]:
         whole = np.minimum(i, np.floor(size / change))  # ticks in which a joint still moves
         way = np.where(whole > 0, whole * (size - 0.5 * np.where(whole > 0, change, 0.0) * (whole + 1)), 0.0)

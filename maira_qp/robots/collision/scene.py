@@ -116,12 +116,13 @@ class Scene:
         return Scene, (self.robot, self.parts, self.pairs)
 
     def contacts(self, q: np.ndarray, reach: float) -> Contacts:
-        """The pairs nearer than `reach` [m] at q (n,); kept for as long as the thread asks for the same array q."""
+        """The pairs nearer than `reach` [m] at q (n,); kept for as long as the thread asks for the same q."""
         memory = self._per_thread
-        if memory.q is not q or memory.reach < reach:
+        known = memory.q is q or (memory.q is not None and np.array_equal(memory.q, q))
+        if not known or memory.reach < reach:
             memory.q = None  # nobody's, until it is done
             memory.contacts = self._found(q, reach, memory)
-            memory.q, memory.reach = q, reach
+            memory.q, memory.reach = q.copy(), reach
         return memory.contacts if memory.reach == reach else memory.contacts.within(reach)
 
     def _found(self, q: np.ndarray, reach: float, memory: _PerThread) -> Contacts:
