@@ -1,0 +1,213 @@
+"""The limits of S-R-S arms as sets of the swivel angle, against sampling, Pinocchio and the numerical solver."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from test_srs import iiwa14_without_offset, random_arm, swivel_of, worst_error
+
+import maira_qp as mq
+from maira_qp.robots.arcs import Arc, arcs
+from maira_qp.robots.srs import BRANCHES, SRS, wrapped
+
+PI = np.pi
+LIMITS = {
+    "narrow": [(-1.0, 1.5)] * 7,
+    "more than a turn": [(-4.0, 4.0), (-2.0, 3.0), (-3.3, 3.2), (-7.0, 7.0), (-PI, PI), (-2.8, 2.0), (-2 * PI, 2 * PI)],
+    "continuous": [None, (-2.0, 2.5), None, (-2.5, 2.0), None, None, (-3.0, 1.0)],
+    "wrapped": [(2.0, 6.0), (-5.0, -1.0), (1.0, 6.5), (0.5, 5.5), (-9.0, -4.0), (3.0, 7.0), (1.0, 5.0)],
+}
+
+
+@pytest.fixture(scope="module")
+def arms() -> dict[str, mq.Robot]:
+    """S-R-S arms of the catalog, of a URDF, and at random with limits of all kinds."""
+    pin.seed(5)
+    rng = np.random.default_rng(5)
+    known = {"maira": mq.Robot.maira(), "iiwa14": mq.Robot.iiwa14(), "urdf": iiwa14_without_offset()}
+    return known | {name: random_arm(rng, limits) for name, limits in LIMITS.items()}
+
+
+NAMES = ["maira", "iiwa14", "urdf", *LIMITS]
+
+
+def equivalents(robot: mq.Robot, q: np.ndarray) -> np.ndarray:
+    """How many configurations (N,) within the limits are q (N, 7) up to whole turns; a continuous joint has one."""
+    continuous = np.isinf(robot.lower)
+    lower, upper = np.where(continuous, 0.0, robot.lower), np.where(continuous, 0.0, robot.upper)
+    counts = np.floor((upper - q) / (2 * PI)) - np.ceil((lower - q) / (2 * PI)) + 1
+    counts = np.where(continuous & ~np.isnan(q), 1, np.nan_to_num(counts))
+    return counts.clip(0).prod(axis=-1)
+
+
+def on_arcs(found: list[Arc], psi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How many of the arcs hold each psi (N,), and how far [rad] it is from the nearest end of any."""
+    count, away = np.zeros(len(psi)), np.full(len(psi), np.inf)
+    for arc in found:
+        count += (arc.lower + np.mod(psi - arc.lower, 2 * PI)) <= arc.upper
+        for end in (arc.lower, arc.upper):
+            away = np.minimum(away, np.abs(wrapped(psi - end)))
+    return count, away
+
+
+def through(found: list[Arc], psi: float) -> np.ndarray:
+    """The configurations (k, 7) at psi [rad] of the arcs that hold it, or end within 1e-6 rad of it."""
+    turned = [(arc, psi + turn) for arc in found for turn in (-2 * PI, 0, 2 * PI)]
+    return np.array([arc.at(p) for arc, p in turned if arc.lower - 1e-6 <= p <= arc.upper + 1e-6]).reshape(-1, 7)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_arcs_hold_what_is_within_the_limits_and_nothing_else(arms, rng, name):
+    """So many arcs hold a swivel angle as there are configurations at it: 40,000 samples on each of seven arms."""
+    robot = arms[name]
+    srs = SRS.of(robot)
+    disagreements = inside = 0
+    for _ in range(10):
+        T = robot.forward(robot.random_configuration(rng)).homogeneous
+        found = arcs(srs, T)
+        psi = rng.uniform(-PI, PI, 500)
+        for elbow in srs.elbow_branches(T):
+            for k, q in enumerate(srs.evaluate(elbow, psi).swapaxes(0, 1)):
+                branch = [b for b in BRANCHES if b.elbow == elbow.sign][k]
+                count, away = on_arcs([arc for arc in found if arc.branch == branch], psi)
+                truth = equivalents(robot, q)
+                disagreements += int(((count != truth) & (away > 1e-9)).sum())
+                inside += int((truth > 0).sum())
+    assert disagreements == 0
+    assert 100 < inside < 40_000 * 0.99
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_configuration_within_the_limits_is_on_an_arc(arms, rng, name):
+    """Whatever the configuration, one of the arcs for its pose goes through it."""
+    robot = arms[name]
+    srs = SRS.of(robot)
+    for _ in range(8):
+        q = robot.random_configuration(rng)
+        psi = swivel_of(srs, q)
+        off = through(arcs(srs, robot.forward(q)), psi) - q
+        off = np.where(np.isinf(robot.lower), wrapped(off), off)
+        assert np.abs(off).max(axis=1).min() < 1e-8
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_all_of_an_arc_reaches_the_pose_within_the_limits(arms, rng, name):
+    """To 1e-12, and inside the limits to the bit, its ends included; and it is one piece."""
+    robot = arms[name]
+    srs = SRS.of(robot)
+    for _ in range(4):
+        T = robot.forward(robot.random_configuration(rng)).homogeneous
+        found = arcs(srs, T)
+        for arc in [found[i] for i in rng.permutation(len(found))[:8]]:
+            q = arc.at(np.linspace(arc.lower, arc.upper, 7))
+            assert ((robot.lower <= q) & (q <= robot.upper)).all()
+            assert worst_error(robot, q, T) < 1e-12
+            assert -PI <= arc.lower <= PI
+            assert arc.contains(arc.lower)
+            assert arc.contains(arc.upper)
+            assert arc.contains(0.5 * (arc.lower + arc.upper))
+            assert (arc.lower, arc.upper) == (-PI, PI) or arc.length < 2 * PI + 1e-9
+
+
+@pytest.mark.parametrize("name", ["maira", "iiwa14", "more than a turn"])
+def test_an_arc_is_continuous(arms, rng, name):
+    """Steps of a millionth of an arc, at its ends as well, move no joint by a turn."""
+    robot = arms[name]
+    srs = SRS.of(robot)
+    places = np.array([[0.0, 1e-6], [0.5, 0.500001], [0.999999, 1.0]])
+    for _ in range(2):
+        found = arcs(srs, robot.forward(robot.random_configuration(rng)))
+        for arc in [found[i] for i in rng.permutation(len(found))[:40]]:
+            q = arc.at(arc.lower + places * arc.length)
+            assert np.abs(q[:, 1] - q[:, 0]).max() < 1.0
+
+
+def test_beyond_the_annulus_there_is_no_arc(arms, rng):
+    """Not a micrometre beyond, in any direction; a micrometre before there are some, where no limit is in the way."""
+    for name in ("maira", "iiwa14", "continuous"):
+        robot = arms[name].limited()
+        srs = SRS.of(robot)
+        q = robot.random_configuration(rng)
+        q[3] = srs.phase
+        if not robot.lower[3] <= q[3] <= robot.upper[3]:
+            continue
+        T = robot.forward(q).homogeneous
+        line = srs.wrist_centre(T) - srs.shoulder
+        step = 1e-6 * line / np.linalg.norm(line)
+        T[:3, 3] += step
+        assert arcs(srs, T) == []
+        T[:3, 3] -= 2 * step
+        assert arcs(srs, T) != []
+
+
+def test_the_solver_and_the_arcs_agree(arms, rng):
+    """What the numerical solver reaches has arcs, through its answer; where there are none, it does not reach."""
+    reached = 0
+    for name in ("maira", "iiwa14"):
+        robot = arms[name]
+        half = robot.limited(lower=0.5 * robot.lower, upper=0.5 * robot.upper)
+        srs, solver = SRS.of(half), mq.Solver(half, options=mq.Options(max_restarts=60))
+        for _ in range(20):
+            T = robot.forward(robot.random_configuration(rng))
+            found, solution = arcs(srs, T), solver.solve(T, rng=rng)
+            assert solution.success == bool(found)
+            reached += solution.success
+            if solution.success:
+                psi = swivel_of(srs, solution.q)
+                assert np.abs(through(found, psi) - solution.q).max(axis=1).min() < 1e-3
+    assert 4 < reached < 36
+
+
+@pytest.mark.parametrize("joint", [0, 1, 2, 4, 5, 6])
+def test_a_locked_joint_leaves_isolated_solutions(arms, rng, joint):
+    """With one joint locked the arm has six, and its poses have solutions in points, which are found."""
+    robot = arms["iiwa14"]
+    for _ in range(3):
+        q = robot.random_configuration(rng)
+        lower, upper = robot.lower.copy(), robot.upper.copy()
+        lower[joint] = upper[joint] = q[joint]
+        locked = robot.limited(lower=lower, upper=upper)
+        found = arcs(SRS.of(locked), robot.forward(q))
+        assert 1 <= len(found) <= 16
+        assert max(arc.length for arc in found) < 1e-7
+        assert min(np.abs(arc.at(arc.lower) - q).max() for arc in found) < 1e-8
+        assert all((arc.at(arc.lower)[joint] == q[joint]) for arc in found)
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-6, 1e-9])
+def test_slivers_are_found(arms, rng, width):
+    """A joint that may turn by little leaves arcs as short, which are found."""
+    robot = arms["maira"]
+    for joint in (0, 1, 2, 4, 5, 6):
+        q = robot.random_configuration(rng)
+        lower, upper = robot.lower.copy(), robot.upper.copy()
+        lower[joint], upper[joint] = q[joint] - 0.3 * width, q[joint] + 0.7 * width
+        narrow = robot.limited(lower=lower.clip(robot.lower), upper=upper.clip(None, robot.upper))
+        srs = SRS.of(narrow)
+        psi = swivel_of(srs, q)
+        found = arcs(srs, robot.forward(q))
+        assert np.abs(through(found, psi) - q).max(axis=1).min() < max(1e-8, 1e-3 * width)
+
+
+def test_a_tangency_is_found(arms, rng):
+    """With a limit where a joint's greatest value over the circle is, that one point is inside."""
+    robot = arms["iiwa14"]
+    srs, hits = SRS.of(robot), 0
+    for _ in range(10):
+        q = robot.random_configuration(rng)
+        T = robot.forward(q)
+        elbow = srs.elbow_branches(T.homogeneous)[0]
+        psi = np.linspace(-PI, PI, 2_001)
+        values = srs.evaluate(elbow, psi)[:, 0]
+        top = values[values[:, 1].argmax()]
+        fine = psi[values[:, 1].argmax()] + np.linspace(-4e-3, 4e-3, 20_001)
+        height = srs.evaluate(elbow, fine)[:, 0, 1].max()
+        if not (np.abs(top) < robot.upper - 1e-3).all() or height - np.abs(values[:, 1]).min() < 0.01:
+            continue
+        lower = robot.lower.copy()
+        lower[1] = height  # only the top is left of this branch
+        branch = [a for a in arcs(SRS.of(robot.limited(lower=lower)), T) if a.branch == BRANCHES[0]]
+        assert len(branch) >= 1
+        assert min(np.abs(arc.at(arc.lower) - top).max() for arc in branch) < 1e-2
+        assert sum(arc.length for arc in branch) < 1e-5
+        hits += 1
+    assert hits >= 3
