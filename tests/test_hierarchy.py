@@ -169,6 +169,17 @@ def test_the_rank_threshold_divides_where_it_says(factor, dimension, rng):
     assert np.abs(A @ Z).max() < 4 * RANK_THRESHOLD
 
 
+def test_a_level_that_says_nothing_new_takes_no_freedom(rng):
+    """Three levels in six joints, the second the first once more: the third moves as if it were not there."""
+    J1, J3 = rng.normal(size=(3, 6)), rng.normal(size=(3, 6))
+    bounds = box(-np.ones(6), np.ones(6))
+    first, last = least_squares(J1, 0.1 * rng.normal(size=3)), least_squares(J3, 0.1 * rng.normal(size=3))
+    again = least_squares(rng.normal(size=(3, 3)) @ J1, rng.normal(size=3))
+    _, _, with_it = solve_each_level([first, again, last], bounds, DAQP)
+    _, without = solve_each_level([first, last], bounds, DAQP)
+    assert np.abs(with_it - without).max() < 1e-9
+
+
 def test_degenerate_null_spaces():
     assert null_space(np.empty((0, 4))).shape == (4, 4)
     assert null_space(np.zeros((6, 4))).shape == (4, 4)

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.problem.hierarchy import RANK_THRESHOLD, Level, positive_part
+from maira_qp.problem.hierarchy import RANK_THRESHOLD, Level, largest_row, positive_part
 from maira_qp.problem.limits import Tick
 from maira_qp.problem.objectives import Objective
 from maira_qp.problem.tasks.objective import ObjectiveTask
@@ -209,7 +209,9 @@ def strict_levels(
 
 def multipliers(rows: np.ndarray, gradient: np.ndarray, held: np.ndarray) -> np.ndarray:
     """Multipliers (m,) of the rows (m, n) that balance a gradient (n,) on the joints that no limit holds."""
-    return np.linalg.lstsq(rows[:, ~held].T, -gradient[~held], rcond=1e-6)[0]
+    U, s, Vt = np.linalg.svd(rows[:, ~held], full_matrices=False)
+    kept = s > HESSIAN_RANK_THRESHOLD * max(s[0] if len(s) else 0.0, largest_row(rows))
+    return -U[:, kept] @ ((Vt[kept] @ gradient[~held]) / s[kept])
 
 
 def tasks_toward(tasks: Sequence[Task], targets: Mapping[str, pin.SE3]) -> TaskCost:

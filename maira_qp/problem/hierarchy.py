@@ -174,18 +174,27 @@ def projected_gradient(gradient: np.ndarray, above: Sequence[Level], bounds: Bou
 
 def _subspace(Z: np.ndarray, rows: np.ndarray, threshold: float) -> np.ndarray:
     """The part (n, k') of the subspace with basis Z (n, k) that the rows (m, n) do not feel."""
-    Z = Z @ null_space(rows @ Z, threshold)
+    Z = Z @ null_space(rows @ Z, threshold, size=largest_row(rows))
     Z[np.abs(Z) < RANK_THRESHOLD] = 0.0  # a joint that takes no part must not feel its limit
     return Z
 
 
-def null_space(A: np.ndarray, threshold: float = RANK_THRESHOLD) -> np.ndarray:
-    """Orthonormal basis (n, k) of the null space of A (m, n): singular values below this share of the largest are 0."""
+def null_space(A: np.ndarray, threshold: float = RANK_THRESHOLD, size: float = 0.0) -> np.ndarray:
+    """Orthonormal basis (n, k) of the null space of A (m, n).
+
+    Singular values count as zero below a share `threshold` of the largest, or of `size` where that is larger: rows of
+    that size that say nothing new leave rounding behind, and no rank.
+    """
     m, n = A.shape
     if m == 0 or n == 0:
         return np.eye(n)
     _, s, Vt = np.linalg.svd(A)
-    return Vt[int((s > threshold * s[0]).sum()) :].T if s[0] > 0 else np.eye(n)
+    return Vt[int((s > threshold * max(s[0], size)).sum()) :].T if s[0] > 0 else np.eye(n)
+
+
+def largest_row(A: np.ndarray) -> float:
+    """Length of the longest row of A (m, n)."""
+    return float(np.sqrt(np.einsum("ij,ij->i", A, A).max(initial=0.0)))
 
 
 def positive_part(H: np.ndarray) -> np.ndarray:
