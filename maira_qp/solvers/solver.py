@@ -70,7 +70,8 @@ class Solver:
             redundancy: `Weighted(...)`, `Strict(...)`, or None: the pose alone.
             backend: who solves each QP: the name of an installed backend of qpsolvers, or `Backend(name, settings)`;
                 "compiled": the search runs in compiled code, what it leaves by daqp; None: "compiled" for one task of
-                the tip of a serial chain without further limits, else "daqp".
+                the tip of a serial chain without further limits, else "daqp", with control ticks in compiled code
+                where that knows the tasks.
             options: tolerances and budgets.
 
         Raises `OptionError`, `FrameError`, `BackendError`.
