@@ -1,0 +1,94 @@
+"""The best of all configurations that put the tip of an S-R-S arm at a pose: the global minimum over its arcs.
+
+Along each arc (`maira_qp.robots.arcs`) the cost is a function of the swivel angle alone. It is sampled, denser where
+the joints turn fast, and each least sample between two others is refined by bounded scalar minimisation (Brent,
+"Algorithms for minimization without derivatives", 1973, chapter 5). A minimum narrower than the samples, `STEP` apart
+in every joint, can be missed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from scipy.optimize import minimize_scalar
+
+from maira_qp.problem.objectives import Objective, Posture
+from maira_qp.robots.arcs import Arc, arcs
+from maira_qp.robots.srs import SRS
+
+STEP = 0.2
+"""Samples on an arc are at most this far apart [rad] in every joint, singularities aside."""
+_FINEST = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Best:
+    """The least cost on the arcs of one pose."""
+
+    q: np.ndarray
+    """(7,) [rad], within the limits"""
+    cost: float
+    psi: float
+    """[rad]"""
+    arc: Arc
+
+
+def best(srs: SRS, T: np.ndarray | pin.SE3, objective: Objective) -> Best | None:
+    """The configuration of least cost that reaches T (4, 4) within the limits; None where there is none.
+
+    Raises `PoseError`, `OptionError`.
+    """
+    objective = objective.of(srs.robot)
+    found = [_best_on(srs, arc, objective) for arc in arcs(srs, T)]
+    return min(found, key=lambda one: one.cost) if found else None
+
+
+def nearest(srs: SRS, T: np.ndarray | pin.SE3, q0: Any, weights: Any = None) -> Best | None:
+    """The configuration nearest to q0 (7,) by `sum_i w_i (q_i - q0_i)^2`, w None: 1; see `best`."""
+    return best(srs, T, Posture(q0, weights))
+
+
+def _best_on(srs: SRS, arc: Arc, objective: Objective) -> Best:
+    """The least cost on one arc."""
+
+    def configurations(psi: np.ndarray) -> np.ndarray:
+        q = arc.at(psi)
+        if isinstance(objective, Posture):  # a continuous joint takes the turn that is nearest to the reference
+            turns = np.round((objective.q_ref - q) / (2 * np.pi))
+            q = q + np.where(np.isinf(srs.robot.upper), 2 * np.pi * turns, 0.0)
+        return q
+
+    def cost(psi: float) -> float:
+        return objective.cost(srs.robot.at(configurations(np.array([psi]))[0]))
+
+    psi = _samples(arc)
+    costs = np.array([objective.cost(srs.robot.at(q)) for q in configurations(psi)])
+    found = [(float(costs.min()), float(psi[costs.argmin()]))]
+    for i in _least(costs):
+        low, high = psi[max(i - 1, 0)], psi[min(i + 1, len(psi) - 1)]
+        if high > low:
+            result: Any = minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-9})
+            found.append((float(result.fun), float(result.x)))
+    least, at = min(found)
+    return Best(configurations(np.array([at]))[0], least, at, arc)
+
+
+def _least(costs: np.ndarray) -> np.ndarray:
+    """Which samples (k,) are no higher than their neighbours."""
+    padded = np.concatenate([[np.inf], costs, [np.inf]])
+    return np.flatnonzero((costs <= padded[:-2]) & (costs <= padded[2:]))
+
+
+def _samples(arc: Arc) -> np.ndarray:
+    """Angles psi (k,) [rad] from end to end of an arc, between which no joint turns by more than `STEP`."""
+    psi = np.unique(np.linspace(arc.lower, arc.upper, 3 + int(arc.length / STEP)))
+    for _ in range(16):
+        turned = np.abs(np.diff(arc.at(psi), axis=0)).max(axis=1, initial=0.0)
+        wide = (turned > STEP) & (np.diff(psi) > _FINEST)
+        if not wide.any():
+            break
+        psi = np.sort(np.concatenate([psi, 0.5 * (psi[:-1] + psi[1:])[wide]]))
+    return psi
