@@ -26,7 +26,7 @@ _FINEST = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Best:
-    """The least cost on the arcs of one pose."""
+    """The least cost on an arc, and where it is."""
 
     q: np.ndarray
     """(7,) [rad], within the limits"""
@@ -41,9 +41,17 @@ def best(srs: SRS, T: np.ndarray | pin.SE3, objective: Objective) -> Best | None
 
     Raises `PoseError`, `OptionError`.
     """
+    ranked = best_of_each_arc(srs, T, objective)
+    return ranked[0] if ranked else None
+
+
+def best_of_each_arc(srs: SRS, T: np.ndarray | pin.SE3, objective: Objective) -> list[Best]:
+    """All configurations that reach T (4, 4) within the limits, as arcs with the best of each, the lowest cost first.
+
+    Raises `PoseError`, `OptionError`.
+    """
     objective = objective.of(srs.robot)
-    found = [_best_on(srs, arc, objective) for arc in arcs(srs, T)]
-    return min(found, key=lambda one: one.cost) if found else None
+    return sorted((_best_on(srs, arc, objective) for arc in arcs(srs, T)), key=lambda one: one.cost)
 
 
 def nearest(srs: SRS, T: np.ndarray | pin.SE3, q0: Any, weights: Any = None) -> Best | None:

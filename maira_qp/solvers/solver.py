@@ -19,7 +19,9 @@ from maira_qp.errors import BackendError, ConfigurationError, OptionError, liste
 from maira_qp.problem.backends import Backend, available
 from maira_qp.problem.costs import TaskCost, tasks_toward
 from maira_qp.problem.limits import Limit, Tick
+from maira_qp.problem.objectives import Posture
 from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.tasks.frame import PoseTask
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.configuration import Configuration
@@ -31,12 +33,13 @@ from maira_qp.solvers.search import Search, found_by_kernel, nearest, search, st
 from maira_qp.solvers.setting import Setting
 from maira_qp.solvers.settling import settle
 from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, solution_of
-from maira_qp.solvers.targets import SEED_0, row_of, seed_words, streams
+from maira_qp.solvers.targets import SEED_0, checked_seed, checked_starts, row_of, streams
 from maira_qp.solvers.tick import keeps_further_limits, tick
 
 if TYPE_CHECKING:
     from maira_qp.solvers.compiled import Compiled
     from maira_qp.solvers.compiled_tick import CompiledTick
+    from maira_qp.solvers.self_motion import Best
 
 TOGETHER = 30
 """Restarts of the search for a configuration that meets the tasks of all levels at once: then no level has to yield."""
@@ -158,7 +161,7 @@ class Solver:
 
         Raises `PoseError`, `ConfigurationError`, `OptionError` for what cannot be meant; the rest is a `Status`.
         """
-        seed = SEED_0 if rng is None else _seed_words(rng)
+        seed = SEED_0 if rng is None else checked_seed(rng)
         start = q0 if q0 is None or is_native(q0, (self.robot.n,)) else self._start(q0)
         engine = self._search_engine
         if engine is None or observe is not None or self.options.deadline is not None:
@@ -216,8 +219,8 @@ class Solver:
         Raises `PoseError`, `ConfigurationError` or `OptionError`, naming the target, before anything is solved.
         """
         rows = self._priorities.rows(targets)
-        starts = _starts(q0, len(rows), self.robot.n)
-        words = _seed_words(seed)
+        starts = checked_starts(q0, len(rows), self.robot.n)
+        words = checked_seed(seed)
         if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
             raise OptionError(f"threads must be a positive whole number, got {threads!r}")
         batch = BatchSolution.blank(self._setting, self.backend, len(rows))
@@ -246,6 +249,29 @@ class Solver:
             if progress is not None and not all_of_it:
                 progress(i + 1, len(rows))
         return batch
+
+    def solutions(self, target: Any) -> list[Best]:
+        """All configurations of an S-R-S arm that put the tip at the target within the limits, in closed form.
+
+        They come as arcs of the swivel angle with the best configuration of each, ranked by the redundancy's first
+        objective, or `Posture()` without one: the first is the global optimum. Empty where there are none.
+        Raises `OptionError` for a robot that is no S-R-S arm or tasks that are not its tip's pose, `PoseError`.
+        """
+        from maira_qp.robots.srs import SRS
+        from maira_qp.solvers.self_motion import best_of_each_arc
+
+        robot, redundancy = self.robot, self.redundancy
+        srs = SRS.of(robot)
+        if srs is None:
+            raise OptionError(
+                f"solutions are known for S-R-S arms alone, and {robot.name} is none: {SRS.refusal(robot)}"
+            )
+        only = len(self.tasks) == 1 and isinstance(self.tasks[0], PoseTask) and not self._priorities.below
+        if not only or self._priorities.frames != (robot.tip,) or not self.tasks[0].kept.all() or self._setting.further:
+            raise OptionError("solutions are those of one PoseTask() of the tip within the joint limits")
+        objectives = redundancy.objectives if isinstance(redundancy, Strict) else ()
+        objective = redundancy.objective if isinstance(redundancy, Weighted) else (*objectives, Posture())[0]
+        return best_of_each_arc(srs, self._priorities.targets(target)[robot.tip], objective)
 
     def step(
         self, q: Any, target: Any = None, dt: float = math.nan, *, velocity: Any = None, deadline: float | None = None
@@ -404,20 +430,3 @@ def _residual(cost: TaskCost, at: Configuration) -> tuple[float, float]:
 def _check_type(value: Any, types: Any, name: str, example: str) -> None:
     if not isinstance(value, types):
         raise OptionError(f"{name} must be something like {example}, got {value!r:.80}")
-
-
-def _seed_words(value: Any) -> np.ndarray:
-    """A seed or a generator as two words (2,). Raises `OptionError`."""
-    if isinstance(value, np.random.Generator):
-        value = value.integers(2**63)
-    if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 0:
-        raise OptionError(f"a seed must be a non-negative integer (or, for rng, a Generator), got {value!r:.80}")
-    return seed_words(int(value))
-
-
-def _starts(q0: Any, count: int, n: int) -> np.ndarray | None:
-    if q0 is None:
-        return None
-    if np.ndim(q0) == 1:
-        return np.tile(real_array(q0, (n,), "q0", ConfigurationError), (count, 1))
-    return real_array(q0, (count, n), "q0", ConfigurationError)

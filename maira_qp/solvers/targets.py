@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.arrays import real_array
-from maira_qp.errors import OptionError, PoseError
+from maira_qp.errors import ConfigurationError, OptionError, PoseError
 from maira_qp.orientation import ORTHONORMAL_WITHIN, rigid
 
 WORD = 2**64
@@ -84,3 +84,21 @@ def poses_of_batch(targets: Any, name: str = "target") -> np.ndarray:
         return real_array(targets, (None, 4, 4), f"{name}s", PoseError, finite=None)
     except PoseError:
         return np.array([rigid(each, f"{name} {i}") for i, each in enumerate(targets)]).reshape(-1, 4, 4)
+
+
+def checked_seed(value: Any) -> np.ndarray:
+    """A seed or a generator as two words (2,). Raises `OptionError`."""
+    if isinstance(value, np.random.Generator):
+        value = value.integers(2**63)
+    if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 0:
+        raise OptionError(f"a seed must be a non-negative integer (or, for rng, a Generator), got {value!r:.80}")
+    return seed_words(int(value))
+
+
+def checked_starts(q0: Any, count: int, n: int) -> np.ndarray | None:
+    """The starts (count, n) of a batch from one (n,) for all or one each; None: none. Raises `ConfigurationError`."""
+    if q0 is None:
+        return None
+    if np.ndim(q0) == 1:
+        return np.tile(real_array(q0, (n,), "q0", ConfigurationError), (count, 1))
+    return real_array(q0, (count, n), "q0", ConfigurationError)
