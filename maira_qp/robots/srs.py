@@ -38,10 +38,9 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.orientation import rigid, skew
+from maira_qp.robots.lines import MEETS_WITHIN, meeting
 from maira_qp.robots.robot import Robot
 
-MEETS_WITHIN = 1e-9
-"""Axes that pass a point at most this far away, in lengths of the arm, meet there."""
 PARALLEL_WITHIN = 1e-3
 """Adjacent axes of a spherical joint at a smaller angle [rad] count as parallel."""
 REACHED_WITHIN = 1e-13
@@ -306,7 +305,7 @@ def _geometry(robot: Robot, reference: np.ndarray) -> SRS | str:
         sines = np.linalg.norm(np.cross(axes[first : first + 2], axes[first + 1 : first + 3]), axis=1)
         if (sines < PARALLEL_WITHIN).any():
             return f"two adjacent axes of the {name} are parallel"
-    (shoulder, off_shoulder), (wrist, off_wrist) = _meeting(points[:3], axes[:3]), _meeting(points[4:], axes[4:])
+    (shoulder, off_shoulder), (wrist, off_wrist) = meeting(points[:3], axes[:3]), meeting(points[4:], axes[4:])
     for name, off in (("shoulder, 1 to 3,", off_shoulder), ("wrist, 5 to 7,", off_wrist)):
         if off > MEETS_WITHIN * robot.length:
             return f"the axes of the {name} do not meet: they pass the nearest point at up to {off:.3g} m"
@@ -326,10 +325,3 @@ def _axes(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
     ]
     axes = np.array([column[3:] if np.abs(column[:3]).max() < 0.5 else np.full(3, np.nan) for column in columns])
     return np.array([data.oMi[i + 1].translation for i in range(7)]), axes / np.linalg.norm(axes, axis=1)[:, None]
-
-
-def _meeting(points: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, float]:
-    """The point (3,) nearest to lines, in least squares, and its distance [m] from the farthest of them."""
-    projectors = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    centre = np.linalg.solve(projectors.sum(0), np.einsum("kij,kj->i", projectors, points))
-    return centre, float(np.linalg.norm(np.cross(axes, centre - points), axis=1).max())

@@ -1,0 +1,99 @@
+"""Proofs that a pose cannot be reached: what `Status.UNREACHABLE` stands on, and what can be checked of it.
+
+A proof holds for every pose within the tolerances of the target, so that what a solver calls reached is never proved
+unreachable. It speaks of the joint limits alone; further tasks and limits make a pose no easier to reach.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from maira_qp.kernels.exclusion import exclude
+from maira_qp.problem.tasks.frame import FrameTask
+from maira_qp.robots.landmarks import pivots, tool_points
+from maira_qp.robots.robot import Robot
+from maira_qp.robots.serial_chain import chain_of
+from maira_qp.solvers.options import Options
+from maira_qp.solvers.priorities import Priorities
+
+MOST_BOXES = 2000
+"""Boxes of joint values that a proof may take: a few milliseconds."""
+
+ROUNDING = 1e-12
+"""What kinematics may be off by, in lengths of the arm and in rad."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoxProof:
+    """Boxes of joint values that hold all configurations within the limits, and none that reaches the pose.
+
+    For each of them `tests` says what rules it out, see `maira_qp.kernels.exclusion`: the distance of a point of the
+    tool from a pivot on a joint's axis, or the orientation. Forward kinematics is all that it takes to check it.
+    """
+
+    boxes: np.ndarray
+    """Lower and upper ends (m, 2, n) [rad or m]"""
+    tests: np.ndarray
+    """(m, 2) of int: the point, -1 for the orientation, and the pivot, past the last for the point itself"""
+    points: np.ndarray
+    """Points (k, 3) [m] in the axes of the tip"""
+    pivots: np.ndarray
+    """(p, 2): a joint, and how far along its axis [m] from its origin"""
+
+    @property
+    def reason(self) -> str:
+        """In words."""
+        if len(self.boxes) == 1:
+            return "whatever the joints do within their limits, a distance or an angle stays too large or too small"
+        return f"each of {len(self.boxes)} boxes that hold all joint values within the limits is too far from it"
+
+
+@dataclass(frozen=True, eq=False)
+class Proofs:
+    """What can be proved for a task of the tip of a chain, as arrays for the kernels."""
+
+    robot: Robot
+    chain: np.ndarray
+    points: np.ndarray
+    """(k, 4), see `maira_qp.kernels.exclusion`"""
+    pivots: np.ndarray
+    """(p, 2)"""
+    turn: float
+    """How far the orientation may be off [rad]; inf: it is free"""
+
+    @staticmethod
+    def of(priorities: Priorities, options: Options) -> Proofs | None:
+        """For the first level's task of the tip; None where there is none of the kind, or the robot is no chain."""
+        robot = priorities.robot
+        for task in priorities.first if robot.is_chain else ():
+            if not isinstance(task, FrameTask) or task.target is not None or task.frame != robot.tip:
+                continue
+            placed, turned = task.kept[:3].all(), task.kept[3:].all()
+            if placed or turned:
+                places = tool_points(robot) if placed and turned else np.zeros((int(placed), 3))
+                levers = np.linalg.norm(places, axis=1)
+                near = options.position_tolerance + levers * options.orientation_tolerance + ROUNDING * robot.length
+                turn = options.orientation_tolerance + ROUNDING if turned else np.inf
+                return Proofs(robot, chain_of(robot), np.column_stack([places, near]), pivots(robot), turn)
+        return None
+
+    def unreachable(self, rows: np.ndarray) -> np.ndarray:
+        """Which of the poses (N, 12) are proved to be out of reach, (N,) of bool; the others may be."""
+        return self._excluded(rows, np.empty((0, 2 * self.robot.n + 2))) > 0
+
+    def proof(self, row: np.ndarray) -> BoxProof | None:
+        """Why a pose (12,) cannot be reached, if that can be proved."""
+        n = self.robot.n
+        boxes = np.empty((MOST_BOXES, 2 * n + 2))
+        (count,) = self._excluded(row[None], boxes)
+        if not count:
+            return None
+        ends, tests = boxes[:count, : 2 * n].reshape(count, 2, n), boxes[:count, 2 * n :].astype(int)
+        return BoxProof(ends.copy(), tests, self.points[:, :3], self.pivots)
+
+    def _excluded(self, rows: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+        excluded = np.empty(len(rows), np.int64)
+        exclude(self.chain, self.points, self.pivots, self.turn, rows, MOST_BOXES, boxes, excluded)
+        return excluded
