@@ -6,6 +6,7 @@ import numpy as np
 
 from maira_qp.kernels.compilation import kernel
 from maira_qp.kernels.descent import ORIENTATION_WEIGHT, POSITION_WEIGHT, is_reached, squares
+from maira_qp.kernels.objective import objective_cost
 from maira_qp.kernels.settling import (
     ITERATIONS,
     OBJECTIVE,
@@ -19,12 +20,12 @@ from maira_qp.kernels.workspace import make_workspace
 
 
 @kernel
-def nearest_points(chain, settings, targets, tolerance, most, q, outcome):
+def nearest_points(chain, settings, targets, reference, weights, tolerance, most, q, outcome):
     """From configurations q (N, n) to the stationary points of the pose error near them, in place, by Newton's method.
 
     It ends when no entry of the gradient that the limits leave is larger than `tolerance`, or after `most` iterations.
-    q stays inside the limits to the bit. `outcome` (N, 6) is as of `maira_qp.kernels.settling.settle`, the objective
-    NaN, for the targets (N, 12).
+    q stays inside the limits to the bit. `outcome` (N, 6) is as of `maira_qp.kernels.settling.settle`, for the targets
+    (N, 12); the objective `1/2 sum_i w_i (q_i - ref_i)^2` is told, and moves nothing.
     """
     n = q.shape[1]
     work, nothing = make_workspace(n), np.zeros(n)
@@ -32,6 +33,6 @@ def nearest_points(chain, settings, targets, tolerance, most, q, outcome):
         steps, left = trade_off(chain, settings, targets[k], nothing, nothing, 0.0, tolerance, most, work, q[k])
         position, orientation = squares(work.e)
         outcome[k, REACHED], outcome[k, ITERATIONS] = is_reached(settings, work.e), steps
-        outcome[k, PROJECTED_GRADIENT], outcome[k, OBJECTIVE] = left, np.nan
+        outcome[k, PROJECTED_GRADIENT], outcome[k, OBJECTIVE] = left, objective_cost(q[k], reference, weights)
         outcome[k, POSITION_ERROR] = np.sqrt(position) if settings[POSITION_WEIGHT] > 0.0 else 0.0
         outcome[k, ORIENTATION_ERROR] = np.sqrt(orientation) if settings[ORIENTATION_WEIGHT] > 0.0 else 0.0

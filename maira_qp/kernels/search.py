@@ -42,6 +42,9 @@ FARTHEST_START, FAR_START = 1e5, -1
 SUCCESS, ATTEMPT, SPENT, FINAL_COST, POSITION_ERROR, ORIENTATION_ERROR, MOVED = 0, 1, 2, 3, 4, 5, 6
 OUTCOME = 7
 
+PROVED = -1.0
+"""In place of SUCCESS, written by whoever proves it: the target cannot be reached."""
+
 # the columns of `slots`, the targets that are open, eight at most: its number (`NOBODY`: the slot is free), the attempt
 # that comes next, how many are under way, the first that arrived (past the last: none), the one that `found` is from
 TARGET, FOLLOWING, RUNNING, WINNER, BEST = 0, 1, 2, 3, 4

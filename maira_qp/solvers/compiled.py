@@ -14,10 +14,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from maira_qp.kernels.lanes import LANES
+from maira_qp.kernels.nearest import nearest_points
 from maira_qp.kernels.rigid import FINE
-from maira_qp.kernels.search import FARTHEST_START, OUTCOME, admit, memory_sizes, search
+from maira_qp.kernels.search import (
+    ATTEMPT,
+    FARTHEST_START,
+    FINAL_COST,
+    OUTCOME,
+    PROVED,
+    SPENT,
+    SUCCESS,
+    admit,
+    memory_sizes,
+    search,
+)
+from maira_qp.kernels.settling import MAX_SETTLING, STATIONARITY_TOLERANCE, settle
 from maira_qp.kernels.settling import OUTCOME as SETTLED
-from maira_qp.kernels.settling import settle
 from maira_qp.kernels.starts import FEATURES, fill_library
 from maira_qp.orientation import ORTHONORMAL_WITHIN
 from maira_qp.problem.objectives import LimitDistance, Posture
@@ -26,10 +38,11 @@ from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.robots.robot import Robot
 from maira_qp.robots.serial_chain import chain_of
 from maira_qp.solvers import descent, settling
-from maira_qp.solvers.descent import Budget, Descent
+from maira_qp.solvers.descent import Budget
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.priorities import Priorities
-from maira_qp.solvers.search import Search, found_by_kernel
+from maira_qp.solvers.proofs import Proofs
+from maira_qp.solvers.search import HEAD, Search, found_by_kernel
 from maira_qp.solvers.targets import SEED_0, row_of
 
 CHUNK, CHUNK_OF_ATTEMPTS = 256, 80_000
@@ -67,6 +80,7 @@ class Compiled:
     """(2 + 2 n,) kind, weight, reference and weights of a posture; None: another wish"""
     settling: np.ndarray
     """(7,) see `maira_qp.kernels.settling`"""
+    proofs: Proofs
 
     @staticmethod
     def of(priorities: Priorities, extra_limits: int, options: Options) -> Compiled | str:
@@ -115,6 +129,8 @@ class Compiled:
         chain, library = chain_of(robot), _library(robot)
         features = np.empty((LIBRARY // LANES, FEATURES, LANES))
         fill_library(settings, np.array([row_of(robot.at(q).placement(None)) for q in library]), features)
+        proofs = Proofs.of(priorities, options)
+        assert proofs is not None
         return Compiled(
             robot,
             chain,
@@ -125,6 +141,7 @@ class Compiled:
             options.max_restarts,
             None if priorities.below else _posture(robot, priorities.redundancy),
             constants,
+            proofs,
         )
 
     def takes(self, starts: np.ndarray | None) -> bool:
@@ -141,49 +158,87 @@ class Compiled:
     ) -> tuple[int, np.ndarray, list[float], list[float]]:
         """What is wrong, see `kernels.search.admit`; q (n,), outcome (7,) for a target T (4, 4) from q0 (n,).
 
-        If the pose was reached and the kernels know the redundancy, q is where it was settled, and there is a second
-        outcome (6,), see `kernels.settling.settle`.
+        Where more was to be done than to reach the pose, there is a second outcome (6,), see `_finish`.
         """
         row, stream = np.empty((1, 12)), np.empty(1, np.uint64)
-        q, outcome = np.empty((1, self.robot.n)), np.empty((1, OUTCOME))
-        settled, starts = np.empty((0, SETTLED)), self._starts(q0)
+        q, outcome, after, starts = np.empty((1, self.robot.n)), np.empty((1, OUTCOME)), [], self._starts(q0)
         fault = admit(T, ORTHONORMAL_WITHIN, starts, seed, row, stream)
         if fault == FINE:
-            shuffled = seed is not SEED_0 and bool(seed.any())
-            self._search(row, starts, stream, shuffled, 0, self.last_attempt, q, outcome)
-            if self.settles and outcome[0, 0] > 0.0:
-                settled = np.empty((1, SETTLED))
-                self._settle(row, q, settled)
-        return fault, q[0], outcome[0].tolist(), settled.ravel().tolist()
+            self._find(row, starts, stream, seed is not SEED_0 and bool(seed.any()), q, outcome)
+            if self.settles or not outcome[0, SUCCESS] > 0.0:
+                after = self._finish(row, q, outcome).ravel().tolist()
+        return fault, q[0], outcome[0].tolist(), after
 
     def _starts(self, q0: np.ndarray | None) -> np.ndarray:
         """Starts (N, n) of a search: q0 (n,) or (N, n), or none of them."""
         return np.empty((0, self.robot.n)) if q0 is None else q0.reshape(-1, self.robot.n)
 
-    def _settle(self, rows: np.ndarray, q: np.ndarray, settled: np.ndarray) -> None:
-        """Settle the redundancy at the configurations q (N, n), in place, that reach the targets (N, 12)."""
-        n, own = self.robot.n, self.redundancy
-        assert own is not None
-        weight = own[WEIGHT] if own[KIND] == WEIGHTED else 0.0
-        settle(self.chain, self.settings, rows, own[2 : 2 + n], own[2 + n :], weight, self.settling, q, settled)
+    def _find(
+        self,
+        rows: np.ndarray,
+        starts: np.ndarray,
+        streams: np.ndarray,
+        shuffled: bool,
+        q: np.ndarray,
+        outcome: np.ndarray,
+    ) -> None:
+        """Search for q (N, n) that reach the targets (N, 12), and see whether those that resist are out of reach."""
+        head = min(HEAD, self.last_attempt)
+        self._search(rows, starts, streams, shuffled, 0, head, q, outcome)
+        if outcome[:, SUCCESS].all():
+            return
+        left = np.flatnonzero((outcome[:, SUCCESS] == 0.0) & np.isfinite(outcome[:, FINAL_COST]))
+        proved = self.proofs.unreachable(rows[left])
+        outcome[left[proved], SUCCESS] = PROVED
+        left = left[~proved]
+        if len(left) and head < self.last_attempt:
+            more_q, more = np.empty((len(left), self.robot.n)), np.empty((len(left), OUTCOME))
+            starts = starts[left] if len(starts) else starts
+            self._search(rows[left], starts, streams[left], shuffled, head + 1, self.last_attempt, more_q, more)
+            more[:, SPENT] += outcome[left, SPENT]
+            better = (more[:, SUCCESS] > 0.0) | (more[:, FINAL_COST] < outcome[left, FINAL_COST])
+            outcome[left, SPENT], outcome[left, ATTEMPT] = more[:, SPENT], more[:, ATTEMPT]
+            outcome[left[better]], q[left[better]] = more[better], more_q[better]
+
+    def _finish(self, rows: np.ndarray, q: np.ndarray, outcome: np.ndarray) -> np.ndarray:
+        """From what was found for the targets (N, 12) to the redundancy's optimum, or the nearest point; q in place.
+
+        The second outcomes (N, 6), see `kernels.settling.settle`; NaN where there was nothing to do.
+        """
+        n, own, constants, after = self.robot.n, self.redundancy, self.settling, np.full((len(q), SETTLED), np.nan)
+        reached = outcome[:, SUCCESS] > 0.0
+        short = np.flatnonzero(~reached & np.isfinite(outcome[:, FINAL_COST]))
+        reference, weights, weight = np.full(n, np.nan), np.zeros(n), 0.0
+        if self.settles:
+            assert own is not None
+            reference, weights, weight = own[2 : 2 + n], own[2 + n :], own[WEIGHT] if own[KIND] == WEIGHTED else 0.0
+            settle(self.chain, self.settings, rows, reference, weights, weight, constants, q, after)
+        if len(short):
+            near, end = q[short], np.empty((len(short), SETTLED))
+            tolerance, most = constants[STATIONARITY_TOLERANCE], int(constants[MAX_SETTLING])
+            nearest_points(self.chain, self.settings, rows[short], reference, weights, tolerance, most, near, end)
+            q[short], after[short] = near, end
+        return after
 
     def search(
         self, row: np.ndarray, q0: np.ndarray | None, stream: np.ndarray, shuffled: bool, budget: Budget
     ) -> Search:
         """The compiled form of `search.search` for a target (12,). With a deadline it looks up now and then."""
-        first, stride = 0, LANES - 1 if budget.has_deadline else self.last_attempt
-        best: Descent | None = None
-        starts = self._starts(q0)
+        rows, starts, first, best = row.reshape(1, 12), self._starts(q0), 0, None
         while True:
-            last = min(first + stride, self.last_attempt)
             q, outcome = np.empty((1, self.robot.n)), np.empty((1, OUTCOME))
-            self._search(row.reshape(1, 12), starts, stream, shuffled, first, last, q, outcome)
-            budget.iterations += int(outcome[0, 2])
+            last = min(first + HEAD, self.last_attempt) if budget.has_deadline else self.last_attempt
+            if budget.has_deadline:
+                self._search(rows, starts, stream, shuffled, first, last, q, outcome)
+            else:
+                self._find(rows, starts, stream, shuffled, q, outcome)
+            budget.iterations += int(outcome[0, SPENT])
             found = found_by_kernel(self.robot, q[0], outcome[0])
             if best is None or found.best.reached or found.best.cost < best.cost:
                 best = found.best
-            if best.reached or last == self.last_attempt or budget.late():
-                return Search(best, found.restarts)
+            proved = found.proved or (not best.reached and first == 0 and bool(self.proofs.unreachable(rows)[0]))
+            if best.reached or proved or last == self.last_attempt or budget.late():
+                return Search(best, found.restarts, proved)
             first = last + 1
 
     def solve_batch(
@@ -195,21 +250,19 @@ class Compiled:
         threads: int | None,
         progress: Progress | None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q (N, n), outcomes (N, 7), second outcomes (N, 6) or (0, 6), as of `solve`.
+        """q (N, n), outcomes (N, 7), second outcomes (N, 6), NaN where nothing was left to do, as of `solve`.
 
         The targets are (N, 12), the starts (N, n) or None.
         """
         count = len(rows)
-        q, outcome = np.empty((count, self.robot.n)), np.empty((count, OUTCOME))
-        settled = np.empty((count if self.settles else 0, SETTLED))
+        q, outcome, after = np.empty((count, self.robot.n)), np.empty((count, OUTCOME)), np.empty((count, SETTLED))
         chunk = min(CHUNK, max(LANES, CHUNK_OF_ATTEMPTS // (self.last_attempt + 1)))
 
         def run(first: int) -> int:
             part = slice(first, first + chunk)
             begin = self._starts(None if starts is None else starts[part])
-            self._search(rows[part], begin, streams[part], shuffled, 0, self.last_attempt, q[part], outcome[part])
-            if self.settles:
-                self._settle(rows[part], q[part], settled[part])
+            self._find(rows[part], begin, streams[part], shuffled, q[part], outcome[part])
+            after[part] = self._finish(rows[part], q[part], outcome[part])
             return min(first + chunk, count)
 
         threads = min(threads or os.cpu_count() or 1, -(-count // chunk))
@@ -218,7 +271,7 @@ class Compiled:
                 done = run(first)
                 if progress is not None:
                     progress(done, count)
-            return q, outcome, settled
+            return q, outcome, after
         pool = ThreadPoolExecutor(threads)
         try:
             for done in pool.map(run, range(0, count, chunk)):
@@ -226,7 +279,7 @@ class Compiled:
                     progress(done, count)
         finally:
             pool.shutdown(cancel_futures=True)  # Ctrl-C waits for the chunks under way, not for the rest
-        return q, outcome, settled
+        return q, outcome, after
 
     def _search(
         self,

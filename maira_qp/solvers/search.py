@@ -23,6 +23,9 @@ from maira_qp.solvers.setting import Setting
 log = logging.getLogger(__name__)
 
 
+HEAD = 8
+"""After so many restarts without success it is worth a few milliseconds to see whether the target is out of reach."""
+
 DRAWS = 10
 """Times that candidates for a start are drawn before one outside bent limits is taken."""
 
@@ -33,11 +36,13 @@ class Search:
 
     best: Descent
     restarts: int
+    proved: bool = False
+    """That nothing reaches the target is proved."""
 
 
 def found_by_kernel(robot: Robot, q: np.ndarray, outcome: Sequence[float]) -> Search:
     """What `maira_qp.kernels.search` left in q (n,) and outcome (7,)."""
-    return Search(Descent(robot.at(q), float(outcome[3]), bool(outcome[0])), int(outcome[1]))
+    return Search(Descent(robot.at(q), float(outcome[3]), outcome[0] > 0.0), int(outcome[1]), outcome[0] < 0.0)
 
 
 def search(
@@ -48,10 +53,12 @@ def search(
     rng: Callable[[], np.random.Generator],
     reached: Callable[[Configuration], bool],
     max_restarts: int | None = None,
+    is_hopeless: Callable[[], bool] | None = None,
 ) -> Search:
     """Descend from q0 (None: from a random start) and from random starts until `reached` or out of restarts or time.
 
     `rng` makes the target's random stream when it is first needed. `max_restarts` None: that of the options.
+    `is_hopeless` is asked once, after `HEAD` restarts or the last: whether the target is proved to be out of reach.
     """
     options = setting.options
     last = options.max_restarts if max_restarts is None else min(max_restarts, options.max_restarts)
@@ -75,9 +82,12 @@ def search(
         )
         if best is None or descent.reached or descent.cost < best.cost:
             best = descent
-        if descent.reached or attempt == last or budget.late():
+        over = attempt == last or budget.late()
+        asks = not descent.reached and (attempt == HEAD or (over and attempt < HEAD))
+        proved = asks and is_hopeless is not None and is_hopeless()
+        if descent.reached or over or proved:
             log.debug("search: reached=%s after %d restarts, cost %.3g", best.reached, attempt, best.cost)
-            return Search(best, attempt)
+            return Search(best, attempt, proved)
         attempt += 1
 
 

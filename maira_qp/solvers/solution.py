@@ -209,14 +209,16 @@ class BatchSolution(_OfRobot):
         self.iterations[:], self.restarts[:] = outcome[:, 2], outcome[:, 1]
         self.start_projected[:] = outcome[:, 6] > 0
 
-    def put_settled(self, settled: np.ndarray, tolerance: float) -> None:
-        """What settling the redundancy added to `put_search`: its outcomes (N, 6), those of what was reached."""
-        at = np.flatnonzero(self.success)
-        reached, iterations, gradient, cost, position, orientation = settled[at].T
+    def put_finished(self, after: np.ndarray, proved: np.ndarray, tolerance: float) -> None:
+        """What was done after `put_search`, outcomes (N, 6), NaN where nothing was; what (N,) is out of reach."""
+        at = np.flatnonzero(~np.isnan(after[:, 0]))
+        reached, iterations, gradient, cost, position, orientation = after[at].T
         optimal = gradient <= tolerance
         self.success[at], self.optimal[at] = reached > 0, optimal
         self.status[at] = np.where(
-            reached > 0, Status.CONVERGED, np.where(optimal, Status.NEAREST, Status.BUDGET_SPENT)
+            reached > 0,
+            Status.CONVERGED,
+            np.where(proved[at], Status.UNREACHABLE, np.where(optimal, Status.NEAREST, Status.BUDGET_SPENT)),
         )
         self.position_error[at], self.orientation_error[at] = position, orientation
         self.iterations[at] += iterations.astype(np.int64)

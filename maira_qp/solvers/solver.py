@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,6 +40,7 @@ from maira_qp.solvers.tick import keeps_further_limits, tick
 if TYPE_CHECKING:
     from maira_qp.solvers.compiled import Compiled
     from maira_qp.solvers.compiled_tick import CompiledTick
+    from maira_qp.solvers.proofs import BoxProof, Proofs
     from maira_qp.solvers.self_motion import Best
 
 TOGETHER = 30
@@ -166,21 +168,21 @@ class Solver:
         engine = self._search_engine
         if engine is None or observe is not None or self.options.deadline is not None:
             return self._solve(self._priorities.targets(target), self._start(start), seed, observe)
-        fault, q, outcome, settled = engine.solve(self._native(target), start, seed)
+        fault, q, outcome, after = engine.solve(self._native(target), start, seed)
         if fault:  # said in words, or for the general engine
             return self._solve(self._priorities.targets(target), self._start(start), seed)
         found, _, spent, _, position, orientation, moved = outcome
         reached = optimal = found > 0.0
         gradient = cost = math.nan
-        if settled:
-            found, more, gradient, cost, position, orientation = settled
-            reached, spent, optimal = found > 0.0, spent + more, gradient <= self.options.stationarity_tolerance
-        if not optimal or (not settled and not self._priorities.is_done_by_search):
+        if after:
+            arrived, more, gradient, cost, position, orientation = after
+            reached, spent, optimal = arrived > 0.0, spent + more, gradient <= self.options.stationarity_tolerance
+        if not optimal or not (engine.settles or self._priorities.is_done_by_search):
             return self._finish_compiled(q, outcome, self._priorities.targets(target))
         return solution_of(
             q=q,
             success=reached,
-            status=Status.CONVERGED if reached else Status.NEAREST,
+            status=Status.CONVERGED if reached else Status.UNREACHABLE if found < 0.0 else Status.NEAREST,
             position_error=position,
             orientation_error=orientation,
             iterations=int(spent),
@@ -238,10 +240,9 @@ class Solver:
         one, shuffled = np.ascontiguousarray(rows[:, 0]), bool(words.any())
         all_of_it = self._priorities.is_done_by_search or engine.settles
         told = progress if all_of_it else None  # else what takes the time is yet to come
-        q, outcome, settled = engine.solve_batch(one, starts, streams(one, words), shuffled, threads, told)
+        q, outcome, after = engine.solve_batch(one, starts, streams(one, words), shuffled, threads, told)
         batch.put_search(q, outcome)
-        if engine.settles:
-            batch.put_settled(settled, self.options.stationarity_tolerance)
+        batch.put_finished(after, outcome[:, 0] < 0.0, self.options.stationarity_tolerance)
         left = finite & ~batch.optimal if all_of_it else finite
         for i in range(len(rows)):
             if left[i]:
@@ -354,7 +355,8 @@ class Solver:
         if found is None and engine is not None and observe is None and engine.takes(start):
             found = engine.search(rows[0, 0], start, stream, bool(seed.any()), budget)
         elif found is None:
-            found = search(cost, start, self._setting, budget, rng, reached)
+            hopeless = lambda: self._proof(targets) is not None  # noqa: E731
+            found = search(cost, start, self._setting, budget, rng, reached, is_hopeless=hopeless)
         moved = bool(start is not None and (start != q0).any())
         return self._finish(found, cost, wish, reached, budget, moved)
 
@@ -364,6 +366,16 @@ class Solver:
         found = found_by_kernel(self.robot, q, outcome)
         budget = Budget(None, iterations=int(outcome[2]))
         return self._finish(found, cost, wish, self._reached(cost), budget, outcome[6] > 0.0)
+
+    @cached_property
+    def _proofs(self) -> Proofs | None:
+        from maira_qp.solvers.proofs import Proofs  # heavy: Numba comes with it
+
+        return Proofs.of(self._priorities, self.options) if self._compiled is None else self._compiled.proofs
+
+    def _proof(self, targets: Targets) -> BoxProof | None:
+        """That the targets cannot be reached, where it can be proved."""
+        return None if self._proofs is None else self._proofs.proof(row_of(targets[self.robot.tip]))
 
     def _reached(self, cost: TaskCost) -> Callable[[Configuration], bool]:
         options = self.options
@@ -397,7 +409,7 @@ class Solver:
         success = reached(fresh)
         position, orientation = _residual(cost, fresh)
         optimal = gradient <= tolerance or (success and wish is None)
-        stalled = Status.NEAREST if optimal else Status.BUDGET_SPENT
+        stalled = Status.UNREACHABLE if found.proved else Status.NEAREST if optimal else Status.BUDGET_SPENT
         return Solution(
             q=fresh.q.copy(),
             success=success,
