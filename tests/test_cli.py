@@ -58,16 +58,18 @@ def test_solved_is_0_and_the_json_is_the_solution(run, maira):
     assert s["cost"] is None  # NaN without redundancy
 
 
-def test_not_solved_is_1_and_says_why(run, maira):
-    """A pose far outside exits with 1; table and JSON name the status, and the nearest q is inside the limits."""
+def test_the_exit_code_is_the_verdict_and_the_reason_is_said(run, maira):
+    """A pose far outside exits with 3; table and JSON name the status, and the nearest q is inside the limits."""
     far = ("solve", "--position", 9, 0, 0, "--max-restarts", 2)
     code, out, _ = run(*far)
-    assert code == 1
+    assert code == 3
     assert "position error [m]" in out
-    assert any(status in out for status in ("NEAREST", "UNREACHABLE", "BUDGET_SPENT"))
+    assert "UNREACHABLE" in out
+    assert "proved to be out of reach" in out
     code, out, _ = run(*far, "--json")
     s = strict_json(out)
-    assert code == 1
+    assert code == 3
+    assert "proved to be out of reach" in s["explanation"]["text"]
     assert s["success"] is False
     assert s["status"] in out
     assert (maira.lower <= s["q"]).all()
@@ -234,7 +236,7 @@ def test_every_option_is_a_flag(run):
     at = ("solve", "--position", -0.4, 0, 0.5, "--q0", *[0.5] * 7, "--json")
     assert run(*at)[0] == 0
     code, out, _ = run(*at, "--max-iterations", 1, "--max-restarts", 0, "--max-settling", 0)
-    assert code == 1
+    assert code == 4
     assert strict_json(out)["restarts"] == 0
 
 
@@ -245,6 +247,7 @@ def test_help_tells_the_exit_codes(run):
     for text in (
         "Exit codes: 0",
         "1 not solved",
+        "3 proved",
         "2 misuse",
         "Lengths are in m",
         "solve",
@@ -347,7 +350,7 @@ def test_as_a_process():
     for arguments, code in (
         (("--version",), 0),
         (("solve", "--position", "-0.4", "0", "0.5"), 0),
-        (("solve", "--position", "9", "0", "0", "--max-restarts", "0"), 1),
+        (("solve", "--position", "9", "0", "0", "--max-restarts", "0"), 3),
         (("solve",), 2),
     ):
         done = command(*arguments)

@@ -122,7 +122,7 @@ def test_poses_that_many_starts_do_not_reach_are_mostly_proved_out_of_reach(name
     assert not (proved & solved).any()
     assert proved.sum() > 0.5 * (~solved).sum()
     for row in rows[proved][:8]:
-        assert_proved(robot, proofs_of(robot).proof(row), pose_of(row))
+        assert_proved(robot, proofs_of(robot).proof({robot.tip: pose_of(row)}), pose_of(row))
 
 
 def test_just_beyond_the_reach_of_an_arm_without_offsets_a_single_distance_tells(maira):
@@ -131,9 +131,9 @@ def test_just_beyond_the_reach_of_an_arm_without_offsets_a_single_distance_tells
     for beyond, known in ((1e-5, True), (0.9e-6, False)):
         pose = pin.SE3(np.eye(3), np.array([0, 0, 0.438 + 1.4 + 0.115 + beyond]))
         assert proofs.unreachable(row_of(pose)[None])[0] == known
-    far = proofs.proof(row_of(pin.SE3(np.eye(3), np.array([3.0, 0, 0]))))
+    far = proofs.proof({maira.tip: mq.pose([3.0, 0, 0])})
     assert len(far.boxes) == 1
-    assert proofs.proof(row_of(maira.forward(np.full(7, 0.3)))) is None
+    assert proofs.proof({maira.tip: maira.forward(np.full(7, 0.3))}) is None
 
 
 def test_nothing_is_claimed_where_nothing_is_known():

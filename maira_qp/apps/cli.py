@@ -27,8 +27,8 @@ DESCRIPTION = """Constrained inverse kinematics by quadratic programming.
 
 Lengths are in m, angles in rad (solve and fk: in deg with --deg), times in s; quaternions are W X Y Z.
 
-Exit codes: 0 done, and for solve: solved; 1 not solved, the nearest found is printed; 2 misuse, told on stderr;
-130 interrupted; 141 the reader of the output went away.
+Exit codes: 0 done, and for solve: solved; 1 not solved, the nearest found is printed; 3 proved to be out of reach;
+4 neither, the budget was spent; 2 misuse, told on stderr; 130 interrupted; 141 the reader of the output went away.
 
 maira-qp --version prints the version."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 from xml.etree import ElementTree
@@ -48,6 +48,20 @@ class JointLimits:
         made = replace(self, lower=ends[0] + room, upper=ends[1] - room, velocity=speed, acceleration=change)
         made._check_ends()
         return made
+
+    def released(self, limits: Iterable[str], distance: np.ndarray) -> JointLimits:
+        """These, the named ones ("joint4 upper") moved outward by distances (n,) [rad, or m]. Raises `OptionError`."""
+        known = [f"{joint} {end}" for joint in self.joint_names for end in ("lower", "upper")]
+        lower, upper = self.lower.copy(), self.upper.copy()
+        for name in limits:
+            if name not in known:
+                raise OptionError(f"{name!r} is not the limit of a joint; {listed(known, str(name))}")
+            joint, is_upper = divmod(known.index(name), 2)
+            if is_upper:
+                upper[joint] += distance[joint]
+            else:
+                lower[joint] -= distance[joint]
+        return replace(self, lower=lower, upper=upper)
 
     def _values(self, wish: Any, key: str, default: np.ndarray) -> np.ndarray:
         """What is wished for as an array (n,), infinities among it; the default for None, and for joints not named."""

@@ -49,6 +49,8 @@ class Robot:
     """Names of all links, the base first: what `frame` may be."""
     moved_links: tuple[str, ...]
     """The link directly behind each moving joint, mimic joints too, parents before children."""
+    slides: np.ndarray
+    """Which joints (n,) are prismatic, and so in m where others are in rad."""
     lower: np.ndarray
     """Lower limits (n,) [rad, or m], -inf for a continuous joint; read-only, as are the arrays that follow."""
     upper: np.ndarray
@@ -78,11 +80,14 @@ class Robot:
         self.tip, self.tips = chain.tip, chain.tips
         self.joint_names, self.frames = chain.joint_names, chain.frames
         self.n = len(chain.joint_names)
+        sliding = [joint.idx_q for joint in self.model.joints if joint.shortname().startswith("JointModelP")]
+        self.slides = np.isin(np.arange(self.n), sliding)
         self.lower, self.upper = chain.lower, chain.upper
         self.velocity_limit, self.effort_limit = chain.velocity, chain.effort
         self.acceleration_limit = chain.acceleration
-        for limit in (self.lower, self.upper, self.velocity_limit, self.effort_limit, self.acceleration_limit):
-            limit.setflags(write=False)  # unpickled arrays have lost it
+        limits = self.lower, self.upper, self.velocity_limit, self.effort_limit, self.acceleration_limit
+        for array in (self.slides, *limits):
+            array.setflags(write=False)  # unpickled arrays have lost it
         turns = np.isinf(self.lower)  # a continuous joint: one turn is all of it
         # what random configurations are drawn from
         self.drawn_range = np.where(turns, -np.pi, self.lower), np.where(turns, np.pi, self.upper)
@@ -154,8 +159,22 @@ class Robot:
         Raises `OptionError` that names the joint for a limit that would be looser, lower > upper, a value out of range,
         NaN, or one end without the other, and for a name that is not in `joint_names`.
         """
-        held = JointLimits(self.joint_names, self.lower, self.upper, self.velocity_limit, self.acceleration_limit)
-        limits = held.limited(lower, upper, velocity, acceleration, margin)
+        return self._with(self._limits.limited(lower, upper, velocity, acceleration, margin))
+
+    def released(self, limits: Iterable[str]) -> Robot:
+        """The same robot without some limits of its joints, such as "joint4 upper": what could it reach without them?
+
+        They are moved away by a whole turn, those of a sliding joint by the arm's length. Raises `OptionError` for
+        what is not the limit of a joint.
+        """
+        return self._with(self._limits.released(limits, np.where(self.slides, self.length, 2 * np.pi)))
+
+    @property
+    def _limits(self) -> JointLimits:
+        return JointLimits(self.joint_names, self.lower, self.upper, self.velocity_limit, self.acceleration_limit)
+
+    def _with(self, limits: JointLimits) -> Robot:
+        """The same robot with other limits."""
         if self.dh is not None:
             return Robot.from_dh(limited_table(self.dh, limits))
         return Robot.from_urdf(limited_urdf(self.urdf, limits), tip=self.tips, base=self.base)

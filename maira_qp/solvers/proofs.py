@@ -10,13 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maira_qp.kernels.exclusion import exclude
+from maira_qp.kernels.exclusion import JOINT, ORIENTATION, exclude
 from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.robots.landmarks import pivots, tool_points
 from maira_qp.robots.robot import Robot
 from maira_qp.robots.serial_chain import chain_of
 from maira_qp.solvers.options import Options
-from maira_qp.solvers.priorities import Priorities
+from maira_qp.solvers.priorities import Priorities, Targets
+from maira_qp.solvers.targets import row_of
 
 MOST_BOXES = 2000
 """Boxes of joint values that a proof may take: a few milliseconds."""
@@ -42,12 +43,19 @@ class BoxProof:
     pivots: np.ndarray
     """(p, 2): a joint, and how far along its axis [m] from its origin"""
 
+    joint_names: tuple[str, ...]
+
     @property
     def reason(self) -> str:
         """In words."""
-        if len(self.boxes) == 1:
-            return "whatever the joints do within their limits, a distance or an angle stays too large or too small"
-        return f"each of {len(self.boxes)} boxes that hold all joint values within the limits is too far from it"
+        if len(self.boxes) > 1:
+            return f"each of {len(self.boxes)} boxes that together hold all joint values is too far from it"
+        point, pivot = self.tests[0]
+        if point == ORIENTATION:
+            return "no joint values within the limits turn the tool so far"
+        if pivot == len(self.pivots):
+            return "the tool comes nowhere near it"
+        return f"it is too far from {self.joint_names[int(self.pivots[pivot, JOINT])]}, or too near to it"
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,15 +91,15 @@ class Proofs:
         """Which of the poses (N, 12) are proved to be out of reach, (N,) of bool; the others may be."""
         return self._excluded(rows, np.empty((0, 2 * self.robot.n + 2))) > 0
 
-    def proof(self, row: np.ndarray) -> BoxProof | None:
-        """Why a pose (12,) cannot be reached, if that can be proved."""
-        n = self.robot.n
+    def proof(self, targets: Targets) -> BoxProof | None:
+        """Why the target of the tip cannot be reached, if that can be proved."""
+        n, row = self.robot.n, row_of(targets[self.robot.tip])
         boxes = np.empty((MOST_BOXES, 2 * n + 2))
         (count,) = self._excluded(row[None], boxes)
         if not count:
             return None
         ends, tests = boxes[:count, : 2 * n].reshape(count, 2, n), boxes[:count, 2 * n :].astype(int)
-        return BoxProof(ends.copy(), tests, self.points[:, :3], self.pivots)
+        return BoxProof(ends.copy(), tests, self.points[:, :3], self.pivots, self.robot.joint_names)
 
     def _excluded(self, rows: np.ndarray, boxes: np.ndarray) -> np.ndarray:
         excluded = np.empty(len(rows), np.int64)

@@ -6,12 +6,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
-from typing import Any, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
+from maira_qp.errors import OptionError
 from maira_qp.robots.robot import Robot, condition_numbers
+from maira_qp.solvers.priorities import Priorities
 from maira_qp.solvers.setting import Setting
+
+if TYPE_CHECKING:
+    from maira_qp.solvers.explanation import Explanation
+    from maira_qp.solvers.proofs import BoxProof
 
 ACTIVE_WITHIN = 1e-9
 """A limit nearer than this [rad or m] counts as active."""
@@ -48,7 +54,7 @@ class _OfRobot:
 
     def __getstate__(self) -> dict[str, Any]:
         own = {"condition_number": self.condition_number, "active_limits": self.active_limits}
-        return {**self.__dict__, **own, "_setting": None}
+        return {**self.__dict__, **own, "_setting": None, "_asked": None}
 
     condition_number: Any
     active_limits: Any
@@ -84,6 +90,8 @@ class Solution(_OfRobot):
     backend: str
     """Who solved the QPs"""
     _setting: Setting | None = field(repr=False)
+    _asked: tuple[Priorities, Any] | None = field(repr=False)
+    """The tasks and what they were called with"""
 
     @cached_property
     def condition_number(self) -> float:
@@ -94,6 +102,30 @@ class Solution(_OfRobot):
     def active_limits(self) -> list[str]:
         """Limits that `q` stands on, such as "joint4 upper", and pairs at their margin, such as "link5 - table" """
         return active_limits(self._setting, self.q)  # type: ignore[arg-type]
+
+    @cached_property
+    def proof(self) -> BoxProof | None:
+        """What proves that the target is out of reach: for `UNREACHABLE`, else None. A pickle has lost it."""
+        if self.status is not Status.UNREACHABLE or self._asked is None:
+            return None
+        from maira_qp.solvers.proofs import Proofs  # heavy: Numba comes with it
+
+        priorities, target = self._asked
+        proofs = Proofs.of(priorities, self._setting.options)  # type: ignore[union-attr]
+        return None if proofs is None else proofs.proof(priorities.targets(target))
+
+    def explain(self) -> Explanation:
+        """Why the solve ended as it did: what is left, which limits of the joints stand in the way, what each costs.
+
+        `print(solution.explain())` says it in words. It solves the target again without those limits, which takes some
+        ten milliseconds. Raises `OptionError` for a solution that was pickled.
+        """
+        from maira_qp.solvers.explanation import explain  # which knows this module
+
+        if self._asked is None or self._setting is None:
+            raise OptionError("a pickled solution no longer knows its robot: call explain() before it is pickled")
+        priorities, target = self._asked
+        return explain(priorities, priorities.targets(target), self, self._setting)
 
     def as_dict(self) -> dict[str, Any]:
         """All values by their names."""
@@ -155,6 +187,8 @@ class BatchSolution(_OfRobot):
     """(N,) of bool"""
     backend: str
     _setting: Setting | None = field(repr=False)
+    _asked: tuple[Priorities, np.ndarray] | None = field(repr=False)
+    """The tasks and the rows (N, K, 12) of targets that they were called with"""
 
     @cached_property
     def condition_number(self) -> np.ndarray:
@@ -175,7 +209,7 @@ class BatchSolution(_OfRobot):
         return names
 
     @staticmethod
-    def blank(setting: Setting, backend: str, count: int) -> BatchSolution:
+    def blank(setting: Setting, backend: str, count: int, asked: tuple[Priorities, np.ndarray]) -> BatchSolution:
         """So many answers yet to be written: budget spent."""
         return BatchSolution(
             q=np.zeros((count, setting.robot.n)),
@@ -191,6 +225,7 @@ class BatchSolution(_OfRobot):
             start_projected=np.zeros(count, dtype=bool),
             backend=backend,
             _setting=setting,
+            _asked=asked,
         )
 
     def put(self, i: int, solution: Solution) -> None:
@@ -237,7 +272,8 @@ class BatchSolution(_OfRobot):
         """The i-th answer, or some of them (copies)."""
         if isinstance(i, slice):
             arrays = {name: getattr(self, name)[i].copy() for name in _VALUES if name != "backend"}
-            return BatchSolution(**arrays, backend=self.backend, _setting=self._setting)
+            asked = None if self._asked is None else (self._asked[0], self._asked[1][i])
+            return BatchSolution(**arrays, backend=self.backend, _setting=self._setting, _asked=asked)
         if not -len(self) <= i < len(self):
             raise IndexError(f"target {i} of a batch of {len(self)}")
         values = {name: getattr(self, name)[i] for name in _VALUES if name not in ("q", "status", "backend")}
@@ -247,6 +283,7 @@ class BatchSolution(_OfRobot):
             **{name: value.item() for name, value in values.items()},
             backend=self.backend,
             _setting=self._setting,
+            _asked=None if self._asked is None else (self._asked[0], self._asked[0].of_row(self._asked[1][i])),
         )
 
     def __iter__(self) -> Iterator[Solution]:

@@ -168,7 +168,8 @@ class Solver:
         engine = self._search_engine
         if engine is None or observe is not None or self.options.deadline is not None:
             return self._solve(self._priorities.targets(target), self._start(start), seed, observe)
-        fault, q, outcome, after = engine.solve(self._native(target), start, seed)
+        native = self._native(target)
+        fault, q, outcome, after = engine.solve(native, start, seed)
         if fault:  # said in words, or for the general engine
             return self._solve(self._priorities.targets(target), self._start(start), seed)
         found, _, spent, _, position, orientation, moved = outcome
@@ -193,6 +194,7 @@ class Solver:
             start_projected=moved > 0.0,
             backend="compiled",
             _setting=self._setting,
+            _asked=(self._priorities, native.copy()),
         )
 
     def solve_batch(
@@ -225,7 +227,7 @@ class Solver:
         words = checked_seed(seed)
         if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
             raise OptionError(f"threads must be a positive whole number, got {threads!r}")
-        batch = BatchSolution.blank(self._setting, self.backend, len(rows))
+        batch = BatchSolution.blank(self._setting, self.backend, len(rows), (self._priorities, rows))
         batch.q[:] = self.robot.middle
         finite = np.isfinite(rows[:, 0, 0])
         engine = self._search_engine
@@ -358,14 +360,14 @@ class Solver:
             hopeless = lambda: self._proof(targets) is not None  # noqa: E731
             found = search(cost, start, self._setting, budget, rng, reached, is_hopeless=hopeless)
         moved = bool(start is not None and (start != q0).any())
-        return self._finish(found, cost, wish, reached, budget, moved)
+        return self._finish(found, cost, wish, reached, budget, moved, targets)
 
     def _finish_compiled(self, q: np.ndarray, outcome: list[float], targets: Targets) -> Solution:
         """From what the compiled search left in q (n,) and outcome (7,)."""
         cost, wish = self._priorities.costs(targets)
         found = found_by_kernel(self.robot, q, outcome)
         budget = Budget(None, iterations=int(outcome[2]))
-        return self._finish(found, cost, wish, self._reached(cost), budget, outcome[6] > 0.0)
+        return self._finish(found, cost, wish, self._reached(cost), budget, outcome[6] > 0.0, targets)
 
     @cached_property
     def _proofs(self) -> Proofs | None:
@@ -375,7 +377,7 @@ class Solver:
 
     def _proof(self, targets: Targets) -> BoxProof | None:
         """That the targets cannot be reached, where it can be proved."""
-        return None if self._proofs is None else self._proofs.proof(row_of(targets[self.robot.tip]))
+        return None if self._proofs is None else self._proofs.proof(targets)
 
     def _reached(self, cost: TaskCost) -> Callable[[Configuration], bool]:
         options = self.options
@@ -395,6 +397,7 @@ class Solver:
         reached: Callable[[Configuration], bool],
         budget: Budget,
         start_projected: bool,
+        targets: Targets,
     ) -> Solution:
         """From what the search found: the redundancy's optimum or the nearest point, and the verdict."""
         setting, tolerance = self._setting, self.options.stationarity_tolerance
@@ -424,6 +427,7 @@ class Solver:
             start_projected=start_projected,
             backend=self.backend,
             _setting=self._setting,
+            _asked=(self._priorities, targets),
         )
 
 

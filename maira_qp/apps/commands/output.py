@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
 
 import numpy as np
 from rich.console import Console
@@ -54,14 +53,11 @@ class Angles:
 
     def __init__(self, robot: Robot, degrees: bool) -> None:
         """For the joints of one robot."""
-        joints = ElementTree.fromstring(robot.urdf).findall("joint")
-        sliding = {joint.get("name") for joint in joints if joint.get("type") == "prismatic"}
-        turning = np.array([name not in sliding for name in robot.joint_names])
         self.unit = "deg" if degrees else "rad"
         self.one = 180.0 / math.pi if degrees else 1.0
         """One radian in the unit."""
-        self.units = [self.unit if turns else "m" for turns in turning]
-        self._scale = np.where(turning, self.one, 1.0)
+        self.units = ["m" if slides else self.unit for slides in robot.slides]
+        self._scale = np.where(robot.slides, 1.0, self.one)
 
     def read(self, values: Any) -> np.ndarray:
         """Joint values (n,) as given, in rad and m. Raises `ConfigurationError` if they are not n finite numbers."""

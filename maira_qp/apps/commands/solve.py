@@ -22,10 +22,14 @@ if TYPE_CHECKING:
 
 DEFAULT_WEIGHT = 1e-3
 
+VERDICTS = {"CONVERGED": 0, "NEAREST": 1, "UNREACHABLE": 3, "BUDGET_SPENT": 4}
+"""Exit codes by the name of the status."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Solve:
-    """Joint values that put the tool at a pose, inside the joint limits. Exit code 0: solved; 1: not; 2: misuse.
+    """Joint values that put the tool at a pose, inside the joint limits. The exit code is the verdict: 0 solved; 1 a
+    nearest point; 3 proved to be out of reach; 4 the budget was spent; 2 misuse.
 
     With --batch FILE many poses, a pose a row. CSV and Parquet have columns x, y, z [m] with qw, qx, qy, qz (scalar
     first) or with roll, pitch, yaw [rad, or deg with --deg]; or m00, m01, ... m23, the rows of the 4x4 matrix (m30 to
@@ -73,7 +77,7 @@ class Solve:
     """One JSON value on stdout; with --batch: the summary."""
 
     def run(self) -> int:
-        """Prints the solution, or the summary of a batch; 0 if it is at the pose, or all are, else 1."""
+        """Prints the solution, or the summary of a batch; the exit code as the class says."""
         from maira_qp.apps.commands.output import Angles, print_json
         from maira_qp.solvers.solver import Solver
 
@@ -102,7 +106,7 @@ class Solve:
             print_json(_as_json(robot, angles, solution))
         else:
             _show(robot, angles, solution)
-        return 0 if solution.success else 1
+        return VERDICTS[solution.status.name]
 
     def _check_flags(self) -> None:
         """Raises `OptionError` for flags that make no sense together."""
@@ -176,6 +180,7 @@ def _as_json(robot: Robot, angles: Angles, s: Solution) -> dict[str, Any]:
         "q": angles.write(s.q),
         "q_units": angles.units,
         "status": s.status.name,
+        "explanation": s.explain().as_dict(),
     }
 
 
@@ -187,6 +192,8 @@ def _show(robot: Robot, angles: Angles, s: Solution) -> None:
 
     out = console()
     out.print(f"{s.status.name}: {s.status.meaning}", style="bold green" if s.success else "bold yellow")
+    if not s.success:
+        out.print(str(s.explain()))
     if s.success and not s.optimal:
         out.print("the redundancy was not settled: a better posture for this pose may exist nearby")
     if s.start_projected:

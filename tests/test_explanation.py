@@ -1,0 +1,151 @@
+"""Why a solve ended as it did: against targets whose obstacle is known, and against solving again with limits moved."""
+
+import pickle
+
+import numpy as np
+import pytest
+from conftest import load
+
+import maira_qp as mq
+from maira_qp.errors import OptionError
+
+
+def beyond(robot: mq.Robot, rng: np.random.Generator, joint: int, by: float) -> tuple[mq.Robot, np.ndarray]:
+    """The robot with a limit of one joint moved in front of a random configuration, and that configuration (n,)."""
+    q = robot.clip(0.6 * robot.random_configuration(rng))
+    upper = robot.upper.copy()
+    upper[joint] = q[joint] - by
+    return robot.limited(lower=np.minimum(robot.lower, upper), upper=upper), q
+
+
+@pytest.mark.parametrize("name", ["ur5_limited", "irb140", "kr210", "puma560"])
+def test_the_joint_that_is_in_the_way_is_named_with_how_far_it_would_have_to_go(name, rng):
+    """Arms of six joints whose third cannot go where the target needs it, solved from next to it."""
+    robot = load(name)
+    for _ in range(5):
+        short, q = beyond(robot, rng, 2, by=0.02)
+        s = mq.Solver(short, options=mq.Options(max_restarts=0)).solve(robot.forward(q), q0=short.clip(q))
+        assert not s.success
+        why = s.explain()
+        limit = f"{robot.joint_names[2]} upper"
+        assert limit in why.blocking
+        (found,) = [each for each in why.limits if each.name == limit]
+        assert found.further == pytest.approx(0.02, abs=1e-6)
+        assert found.multiplier > 0
+        assert found.position == pytest.approx(s.position_error, abs=1e-6)
+        assert why.is_reached_without
+        assert f"{robot.joint_names[2]} 1.15 degrees beyond its upper limit" in str(why)
+        for share, success in ((1.01, True), (0.9, False)):  # the limit moved so far
+            upper = short.upper.copy()
+            upper[2] += share * found.further
+            moved = robot.limited(lower=np.minimum(robot.lower, upper), upper=upper)
+            again = mq.Solver(moved, options=mq.Options(max_restarts=0)).solve(robot.forward(q), q0=s.q)
+            assert again.success == success
+
+
+def test_a_multiplier_is_what_the_cost_falls_by_when_the_limit_gives_way(rng):
+    """By differences: the cost `1/2 |W e|^2` at the nearest point, with the limit moved by 1e-4 rad."""
+    robot = load("irb140")
+    for _ in range(5):
+        short, q = beyond(robot, rng, 1, by=0.1)
+        costs, options = [], mq.Options(max_restarts=0, stationarity_tolerance=1e-9)
+        for step in (0.0, 1e-4):
+            upper = short.upper.copy()
+            upper[1] += step
+            moved = robot.limited(lower=np.minimum(robot.lower, upper), upper=upper)
+            solver = mq.Solver(moved, options=options)
+            s = solver.solve(robot.forward(q), q0=moved.clip(q))
+            weights = solver.tasks[0].weights
+            e = mq.pose_error(robot.forward(s.q).homogeneous, robot.forward(q).homogeneous)
+            costs.append(0.5 * np.sum((weights * e) ** 2))
+            if step == 0.0 and s.optimal:
+                (first,) = [limit.multiplier for limit in s.explain().limits if limit.name.endswith("2 upper")]
+        assert (costs[0] - costs[1]) / 1e-4 == pytest.approx(first, rel=2e-2)
+
+
+def test_what_is_blocked_is_told_in_the_axes_of_the_tool():
+    """A gantry whose rails end 30 mm short: along its own axes, whatever its joints are called."""
+    slide, half = {"kind": "prismatic", "lower": 0, "upper": 1}, np.pi / 2
+    turns = [{"theta": 0, "alpha": half}, {"theta": half, "alpha": half}, {"theta": 0, "alpha": 0}]
+    robot = mq.Robot.from_dh([mq.DHLink(**slide, **turn) for turn in turns])
+    target = robot.forward([0.5, 0.5, 1.0])
+    target.translation += 0.03 * target.rotation[:, 2]
+    s = mq.Solver(robot).solve(target)
+    why = s.explain()
+    assert why.blocking == ("joint3 upper",)
+    assert why.blocked == pytest.approx([0, 0, 0.03, 0, 0, 0], abs=1e-6)
+    assert why.limits[0].unit == "m"
+    assert "joint3 upper blocks 30 mm along tool z." in str(why)
+    assert "With joint3 30 mm beyond its upper limit" in str(why)
+
+
+def test_a_target_beyond_the_arm_itself_blames_no_limit(maira):
+    why = mq.Solver(maira).solve(mq.pose([0, 0, 2.2])).explain()
+    assert why.status is mq.Status.UNREACHABLE
+    assert why.blocking == ()
+    assert not why.is_reached_without
+    assert "proved to be out of reach" in str(why)
+    assert "No joint limit holds it back" in str(why)
+
+
+def test_two_limits_that_block_together_are_told_together(rng):
+    """Neither limit alone is to blame: only without both is the target reached."""
+    robot = load("irb140")
+    q = robot.clip(0.5 * robot.random_configuration(rng))
+    upper = robot.upper.copy()
+    upper[1:3] = q[1:3] - 0.05
+    short = robot.limited(lower=np.minimum(robot.lower, upper), upper=upper)
+    s = mq.Solver(short, options=mq.Options(max_restarts=0)).solve(robot.forward(q), q0=short.clip(q))
+    why = s.explain()
+    assert set(why.blocking) == {f"{robot.joint_names[i]} upper" for i in (1, 2)}
+    assert all(limit.further is None for limit in why.limits)
+    assert why.is_reached_without
+    assert "Without these limits the target would be reached." in str(why)
+
+
+def test_a_compromise_is_called_one(maira):
+    s = mq.Solver(maira, redundancy=mq.Weighted(mq.Posture(), 1e-2)).solve(mq.pose([0.4, 0.2, 0.9]))
+    why = s.explain()
+    assert why.is_compromise
+    assert "the weight of the posture holds the tool" in str(why)
+
+
+def test_limits_of_a_settled_posture_cost_what_the_objective_would_gain(maira, rng):
+    """A posture beyond a limit: its multiplier by differences of the objective at moved limits."""
+    q_ref, narrow = np.full(7, 0.5), maira.limited(upper={"joint2": 0.3})
+    found = 0
+    for _ in range(12):
+        target = narrow.forward(narrow.random_configuration(rng))
+        costs = []
+        for upper in (0.3, 0.3 + 1e-4):
+            robot = maira.limited(upper={"joint2": upper})
+            s = mq.Solver(robot, redundancy=mq.Strict(mq.Posture(q_ref))).solve(target, q0=narrow.middle)
+            costs.append(s.cost)
+            if upper == 0.3:
+                first = s
+        limit = [each for each in first.explain().limits if each.name == "joint2 upper"]
+        if first.optimal and limit and limit[0].multiplier > 1e-2 and abs(costs[0] - costs[1]) < 1e-2:
+            assert (costs[0] - costs[1]) / 1e-4 == pytest.approx(limit[0].multiplier, rel=2e-2)
+            found += 1
+    assert found > 0
+
+
+def test_what_was_reached_and_what_was_pickled(maira, rng):
+    s = mq.Solver(maira).solve(maira.forward(maira.random_configuration(rng)))
+    assert str(s.explain()) == "The target is reached."
+    assert s.proof is None
+    batch = mq.Solver(maira).solve_batch([mq.pose([3, 0, 0])])
+    assert batch[0].proof is not None
+    assert "out of reach" in str(batch[0].explain())
+    with pytest.raises(OptionError, match="pickled"):
+        pickle.loads(pickle.dumps(s)).explain()
+
+
+def test_tasks_that_are_no_pose_are_explained_too(maira):
+    s = mq.Solver(maira, task=mq.LookAtTask(point=[0, 0, 5.0], axis=[0, 0, 1])).solve()
+    assert "reached" in str(s.explain())
+    far = mq.Solver(maira, tasks=[mq.PositionTask(frame="link4")], backend="daqp").solve(
+        {"tool0": mq.pose([0.5, 0, 0.5]), "link4": mq.pose([2, 0, 0])}
+    )
+    assert not far.success
+    assert "away" in str(far.explain())
