@@ -34,6 +34,10 @@ class BackendError(MairaError):
     """A QP backend is unknown or not installed; the message lists those that are."""
 
 
+class SensitivityError(MairaError):
+    """An answer has no derivative by its target, or none that is known: not optimal, singular, of another problem."""
+
+
 def listed(names: Iterable[str], wanted: str | None = None, limit: int = 40) -> str:
     """Valid names as text for a message, the nearest to `wanted` first suggested, the list cut at `limit`."""
     names = list(names)

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from maira_qp.errors import OptionError
+from maira_qp.errors import OptionError, SensitivityError
 from maira_qp.robots.robot import Robot, condition_numbers
 from maira_qp.solvers.priorities import Priorities
+from maira_qp.solvers.sensitivity import dq_dtarget
 from maira_qp.solvers.setting import Setting
 
 if TYPE_CHECKING:
@@ -126,6 +127,25 @@ class Solution(_OfRobot):
             raise OptionError("a pickled solution no longer knows its robot: call explain() before it is pickled")
         priorities, target = self._asked
         return explain(priorities, priorities.targets(target), self, self._setting)
+
+    def jacobian(self) -> np.ndarray:
+        """How `q` follows its target: dq/dtarget (n, 6) [rad/m, rad/rad], the derivative of what the solve minimised.
+
+        The columns are the target's twist as in `Robot.jacobian`: linear [m] before angular [rad], base axes, at the
+        target, `p_d + dp` and `exp(dphi) R_d`. A joint that a limit holds has a zero row; one that would stand there
+        without the limit too, where the derivative has two sides, counts as free. Where nothing chooses between
+        configurations, as without a redundancy, q follows by the least motion. See `maira_qp.solvers.sensitivity`.
+
+        Raises `SensitivityError` for what is not optimal or is singular, for tasks at several levels or of several
+        targets, on limits that are not of the joints, and for a solution that was pickled.
+        """
+        if self._setting is None or self._asked is None:
+            raise SensitivityError("a pickled solution no longer knows its robot: call jacobian() before it is pickled")
+        if not self.optimal:
+            raise SensitivityError(f"only an optimal answer has a derivative, and this {self.status.name} one is not")
+        priorities, target = self._asked
+        at = self._setting.robot.at(self.q)
+        return dq_dtarget(priorities, priorities.targets(target), at, self._setting, self.success)
 
     def as_dict(self) -> dict[str, Any]:
         """All values by their names."""

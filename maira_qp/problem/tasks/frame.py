@@ -129,37 +129,68 @@ class FrameTask(TargetTask):
 
     def jacobian(self, at: Configuration) -> np.ndarray:
         """Jacobian (m, n): the error falls by J dq. Even weights: the geometric Jacobian in base axes."""
-        J = at.jacobian(self.frame)
         w = self.all_weights
-        if (w[3:] != w[3]).any():
-            phi = orientation_error(at.placement(self.frame).rotation, self.target.rotation)
-            J = np.vstack([J[:3], inverse_right_jacobian(phi) @ J[3:]])
+        return self._derivative(at) if (w[3:] != w[3]).any() else self._in_task_axes(at.jacobian(self.frame))
+
+    def target_jacobian(self, at: Configuration) -> np.ndarray:
+        """Derivative (m, 6) of the error by a twist of the target: linear [m], then angular [rad], in base axes.
+
+        A turn w of R_d adds `J^-1_l(phi) w` to phi, `J_l(phi) = J_r(-phi)`; where the error is in the target's axes, it
+        carries these with it.
+        """
+        D, e = np.eye(6), self._error_in_base(at)
+        D[3:, 3:] = inverse_right_jacobian(-e[3:])
         if self.axes == "target":
-            J = (self.target.rotation.T @ J.reshape(2, 3, -1)).reshape(6, -1)
-        return J[self.kept]
+            D[:3, 3:] += skew(e[:3])
+            D[3:, 3:] += skew(e[3:])
+        return self._in_task_axes(D)
 
     def curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
-        """That of the frame's pose (n, n); of angular rows that count differently at zero error."""
-        return at.kinematic_hessian_product(self.frame, self._in_base(self.weights * multipliers))
+        """That of the frame's pose (n, n), and of the logarithm where the orientation is off."""
+        pull = self._in_base(self.weights * multipliers)
+        if not pull[3:].any():
+            return at.kinematic_hessian_product(self.frame, pull)
+        phi, J = self._error_in_base(at)[3:], at.jacobian(self.frame)[3:]
+        pull[3:], G = pull_of_logarithm(phi, pull[3:])
+        bend = J.T @ G @ inverse_right_jacobian(phi) @ J
+        return at.kinematic_hessian_product(self.frame, pull) - 0.5 * (bend + bend.T)
+
+    def target_curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
+        """`-sum_k multipliers_k d2(W e)_k/dq dtarget` (n, 6): how the rows bend as the target moves."""
+        pull, J = self._in_base(self.weights * multipliers), at.jacobian(self.frame)
+        phi = self._error_in_base(at)[3:]
+        _, G = pull_of_logarithm(phi, pull[3:])
+        bend = np.zeros((at.n, 6))
+        bend[:, 3:] = J[3:].T @ G @ inverse_right_jacobian(-phi)
+        if self.axes == "target":
+            bend[:, 3:] -= J[:3].T @ skew(pull[:3]) + J[3:].T @ inverse_right_jacobian(-phi) @ skew(pull[3:])
+        return bend
 
     def hessian(self, at: Configuration) -> np.ndarray:
-        """The exact Hessian `J^T W A(phi) W J - sum_k (W e)_k d2(W f)_k/dq2` (n, n), f the frame's pose.
+        """The exact Hessian `A^T A - sum_k (W e)_k d2(W e)_k/dq2` (n, n), `A = -d(W e)/dq`."""
+        A, r = self.weights[:, None] * self._derivative(at), self.weighted_error(at)
+        return A.T @ A + self.curvature(at, -r)
 
-        A is the symmetric part of the inverse left Jacobian of SO(3) at phi, `I + k [phi]x^2`, which enters since a
-        turn of R across phi changes phi by less than itself (Sola et al., 2018, appendix B); for the linear rows A = I.
-        Where angular rows count differently their part is Gauss-Newton's.
-        """
-        A, r = self.rows(at)
-        pull = self._in_base(self.weights * r)
-        w = self.all_weights[3:]
-        if (w != w[0]).any():
-            pull[3:] = 0.0
-        H = A.T @ A - at.kinematic_hessian_product(self.frame, pull)
-        if w[0] > 0 and (w == w[0]).all():
-            phi = orientation_error(at.placement(self.frame).rotation, self.target.rotation)
-            turn = w[0] * skew(phi) @ at.jacobian(self.frame)[3:]
-            H -= _flattening(float(np.linalg.norm(phi))) * turn.T @ turn
-        return H
+    def target_hessian(self, at: Configuration) -> np.ndarray:
+        """How the gradient of `1/2 |W e|^2` changes with the target (n, 6), exact as well."""
+        A, r = self.weights[:, None] * self._derivative(at), self.weighted_error(at)
+        return -A.T @ (self.weights[:, None] * self.target_jacobian(at)) + self.target_curvature(at, -r)
+
+    def _derivative(self, at: Configuration) -> np.ndarray:
+        """`-de/dq` (m, n)."""
+        J = at.jacobian(self.frame).copy()
+        J[3:] = inverse_right_jacobian(self._error_in_base(at)[3:]) @ J[3:]
+        return self._in_task_axes(J)
+
+    def _error_in_base(self, at: Configuration) -> np.ndarray:
+        """All six rows (6,)."""
+        return frame_error(at.placement(self.frame), self.target)
+
+    def _in_task_axes(self, rows: np.ndarray) -> np.ndarray:
+        """The rows that count (m, k) of six in base axes (6, k)."""
+        if self.axes == "target":
+            rows = (self.target.rotation.T @ rows.reshape(2, 3, -1)).reshape(6, -1)
+        return rows[self.kept]
 
     def _in_base(self, values: np.ndarray) -> np.ndarray:
         """Values (m,) of the rows that count as (6,) in base axes."""
@@ -190,11 +221,30 @@ def inverse_right_jacobian(phi: np.ndarray) -> np.ndarray:
     return np.eye(3) + 0.5 * K + _flattening(float(np.linalg.norm(phi))) * (K @ K)
 
 
+def pull_of_logarithm(phi: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`J^-T_r(phi) u` (3,), the gradient of `u . phi` by a turn of what phi leads away from, and its derivative by phi.
+
+    `u - 1/2 phi x u + k phi x (phi x u)`; phi (3,) is a rotation vector [rad], u (3,).
+    """
+    angle, across = float(np.linalg.norm(phi)), np.cross(phi, u)
+    k, twice = _flattening(angle), np.cross(phi, across)
+    G = 0.5 * skew(u) + k * ((phi @ u) * np.eye(3) + np.outer(phi, u) - 2 * np.outer(u, phi))
+    return u - 0.5 * across + k * twice, G + _flattening_slope(angle) * np.outer(twice, phi)
+
+
 def _flattening(angle: float) -> float:
     """k of `I + k [phi]x^2`: `1/angle^2 - (1 + cos angle) / (2 angle sin angle)`, 1/12 at 0."""
     if angle < 1e-2:
         return 1 / 12 + angle**2 / 720
     return (1 - 0.5 * angle / np.tan(0.5 * angle)) / angle**2
+
+
+def _flattening_slope(angle: float) -> float:
+    """`dk/dangle / angle`, 1/360 at 0; with h half of the angle, `(h cot h + (h / sin h)^2 - 2) / angle^4`."""
+    if angle < 0.1:
+        return 1 / 360 + angle**2 / 7560
+    h = 0.5 * angle
+    return (h / np.tan(h) + (h / np.sin(h)) ** 2 - 2) / angle**4
 
 
 def _linear(weight: Any) -> np.ndarray:
