@@ -83,7 +83,7 @@ class Compiled:
     proofs: Proofs
 
     @staticmethod
-    def of(priorities: Priorities, extra_limits: int, options: Options) -> Compiled | str:
+    def of(priorities: Priorities, options: Options) -> Compiled | str:
         """The problem's arrays, or the reason why the compiled engine cannot take it."""
         robot, task = priorities.robot, priorities.first[0]
         if len(priorities.first) > 1:
@@ -92,8 +92,6 @@ class Compiled:
             return "its task is none of PoseTask(), PositionTask() and OrientationTask() with a target from the call"
         if not task.is_even:
             return "the axes of its task count differently"
-        if extra_limits:
-            return "it has limits beside those of the joints"
         if task.frame != robot.tip:
             return "its task is not the tip's"
         if not robot.is_chain:
@@ -199,6 +197,12 @@ class Compiled:
             better = (more[:, SUCCESS] > 0.0) | (more[:, FINAL_COST] < outcome[left, FINAL_COST])
             outcome[left, SPENT], outcome[left, ATTEMPT] = more[:, SPENT], more[:, ATTEMPT]
             outcome[left[better]], q[left[better]] = more[better], more_q[better]
+
+    def try_once(self, row: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where descents from starts (N, n) toward a target (12,) end, one from each: q (N, n), outcomes (N, 7)."""
+        q, outcome = np.empty(starts.shape), np.empty((len(starts), OUTCOME))
+        self._search(np.tile(row, (len(starts), 1)), starts, np.zeros(len(starts), np.uint64), False, 0, 0, q, outcome)
+        return q, outcome
 
     def _finish(self, rows: np.ndarray, q: np.ndarray, outcome: np.ndarray) -> np.ndarray:
         """From what was found for the targets (N, 12) to the redundancy's optimum, or the nearest point; q in place.

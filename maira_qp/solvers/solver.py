@@ -92,17 +92,20 @@ class Solver:
         self._priorities = Priorities.of(robot, task, tasks, redundancy)
         options = options or Options()
         self._compiled: Compiled | None = None
+        self._screening: Compiled | None = None
+        """Knows all but the further limits"""
         self._compiled_tick: CompiledTick | None = None
         if backend in (None, "compiled"):
             from maira_qp.solvers.compiled import Compiled  # heavy: Numba comes with it
             from maira_qp.solvers.compiled_tick import CompiledTick
 
             self._compiled_tick = CompiledTick.of(self._priorities, options)
-            possible = Compiled.of(self._priorities, len(limits), options)
+            possible = Compiled.of(self._priorities, options)
             if isinstance(possible, Compiled):
-                self._compiled = possible
-            elif backend == "compiled":
-                raise BackendError(f"the compiled engine cannot take this: {possible}; {listed(available())}")
+                self._compiled, self._screening = (None, possible) if limits else (possible, None)
+            if backend == "compiled" and self._compiled is None:
+                reason = possible if isinstance(possible, str) else "it has limits beside those of the joints"
+                raise BackendError(f"the compiled engine cannot take this: {reason}; {listed(available())}")
         if not isinstance(backend, Backend):
             backend = Backend("daqp" if backend in (None, "compiled") else backend)
         self._setting = Setting(robot, tuple(limit.of(robot) for limit in limits), backend, options)
@@ -348,19 +351,43 @@ class Solver:
         start = None if q0 is None else self._setting.admitted(q0)
         rows = np.array([[row_of(pose) for pose in targets.values()]]).reshape(1, -1, 12)
         stream = streams(rows, seed)
-        engine, found = self._compiled, None
         rng = lambda: np.random.default_rng(int(stream[0]))  # noqa: E731
+        found = None
         if len(self._priorities.all_tasks) > len(self.tasks):
             everything = tasks_toward(self._priorities.all_tasks, targets)
             together = search(everything, start, self._setting, budget, rng, self._reached(everything), TOGETHER)
             found = together if together.best.reached else None
-        if found is None and engine is not None and observe is None and engine.takes(start):
-            found = engine.search(rows[0, 0], start, stream, bool(seed.any()), budget)
+        if found is None and self._compiled is not None and observe is None and self._compiled.takes(start):
+            found = self._compiled.search(rows[0, 0], start, stream, bool(seed.any()), budget)
+        elif found is None and self._screening is not None and observe is None:
+            found = self._screened(cost, start, rows[0, 0], budget, rng(), reached)
         elif found is None:
             hopeless = lambda: self._proof(targets) is not None  # noqa: E731
             found = search(cost, start, self._setting, budget, rng, reached, is_hopeless=hopeless)
         moved = bool(start is not None and (start != q0).any())
         return self._finish(found, cost, wish, reached, budget, moved, targets)
+
+    def _screened(
+        self,
+        cost: TaskCost,
+        start: np.ndarray | None,
+        row: np.ndarray,
+        budget: Budget,
+        rng: np.random.Generator,
+        reached: Callable[[Configuration], bool],
+    ) -> Search:
+        """Within further limits: from the start, where there is one, and then by screening."""
+        from maira_qp.solvers.screening import screen  # heavy: Numba comes with it
+
+        assert self._screening is not None
+        first = None
+        if start is not None:
+            first = search(cost, start, self._setting, budget, lambda: rng, reached, max_restarts=0)
+            if first.best.reached or budget.late():
+                return first
+        found = screen(self._screening, row, cost, self._setting, budget, rng, reached)
+        nearer = first is not None and not found.best.reached and first.best.cost < found.best.cost
+        return Search(first.best, found.restarts, found.proved) if first is not None and nearer else found
 
     def _finish_compiled(self, q: np.ndarray, outcome: list[float], targets: Targets) -> Solution:
         """From what the compiled search left in q (n,) and outcome (7,)."""

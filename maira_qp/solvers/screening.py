@@ -1,0 +1,71 @@
+"""Reach a pose within further limits than those of the joints: many solutions without them, then a few with.
+
+The compiled search finds a configuration that reaches the pose in microseconds, but knows the limits of the joints
+alone. So it solves from many random starts, and each solution is looked at: the first that keeps the further limits is
+the answer. If none does, descents within all limits begin at the solutions that break them least.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from maira_qp.kernels.search import FINAL_COST, SPENT, SUCCESS
+from maira_qp.problem.costs import TaskCost
+from maira_qp.robots.configuration import Configuration
+from maira_qp.solvers.compiled import Compiled
+from maira_qp.solvers.descent import Budget, Descent, Stall, descend
+from maira_qp.solvers.search import Search
+from maira_qp.solvers.setting import Setting
+
+DESCENTS = 8
+"""Descents within all limits, at most."""
+
+
+def screen(
+    engine: Compiled,
+    row: np.ndarray,
+    cost: TaskCost,
+    setting: Setting,
+    budget: Budget,
+    rng: np.random.Generator,
+    reached: Callable[[Configuration], bool],
+) -> Search:
+    """Search for a target (12,) with an engine that does not know the further limits of the setting.
+
+    Without them it is solved once from as many random starts as there may be attempts.
+    """
+    robot, options = setting.robot, setting.options
+    q, outcome = engine.try_once(
+        row, np.array([robot.random_configuration(rng) for _ in range(options.max_restarts + 1)])
+    )
+    budget.iterations += int(outcome[:, SPENT].sum())
+    breaches = np.full(len(q), np.inf)
+    for k in np.flatnonzero(outcome[:, SUCCESS] > 0.0):
+        at = robot.at(q[k])
+        breaches[k] = setting.breach(at)
+        if breaches[k] == 0.0 and reached(at):
+            return Search(Descent(at, cost.value(at), True), int(k))
+        if budget.late():
+            break
+    proved = not np.isfinite(breaches).any() and bool(engine.proofs.unreachable(row[None])[0])
+    # where nothing reaches the pose: from where it is nearest
+    order = np.lexsort((outcome[:, FINAL_COST], breaches))[: 1 if proved else DESCENTS]
+    best: Descent | None = None
+    for k in order:
+        descent = descend(
+            cost,
+            robot.at(setting.admitted(q[k])),
+            setting,
+            budget,
+            reached=reached,
+            max_iterations=options.max_iterations,
+            stall=Stall(options.stall_steps, options.stall_ratio),
+        )
+        if best is None or descent.reached or descent.cost < best.cost:
+            best = descent
+        if descent.reached or budget.late():
+            break
+    assert best is not None
+    return Search(best, len(q) - 1, proved)
