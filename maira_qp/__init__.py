@@ -28,6 +28,7 @@ from maira_qp.robots.dh import DHLink, DHTable
 from maira_qp.robots.robot import Robot
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step
+from maira_qp.solvers.solutions import ListedSolution, Solutions
 from maira_qp.solvers.solver import Solver
 
 __version__ = "0.1.0"
@@ -48,6 +49,7 @@ __all__ = [
     "LimitDistance",
     "LimitTask",
     "LinearLimit",
+    "ListedSolution",
     "LookAtTask",
     "Manipulability",
     "Mesh",
@@ -61,6 +63,7 @@ __all__ = [
     "RelativePoseTask",
     "Robot",
     "Solution",
+    "Solutions",
     "Solver",
     "Sphere",
     "Status",

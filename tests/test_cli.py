@@ -76,6 +76,24 @@ def test_the_exit_code_is_the_verdict_and_the_reason_is_said(run, maira):
     assert (s["q"] <= maira.upper).all()
 
 
+def test_all_lists_every_solution(run, maira):
+    """In JSON and as a table, the best first; 1 where there is none; with neither a file of poses nor a start."""
+    at = ("solve", "--position", 0.4, 0.2, 0.9, "--all")
+    code, out, _ = run(*at, "--json")
+    listed = strict_json(out)
+    expected = mq.Solver(maira).solutions(mq.pose([0.4, 0.2, 0.9]))
+    assert code == 0
+    assert [one["q"] for one in listed["solutions"]] == [one.q.tolist() for one in expected]
+    assert listed["is_complete"] is True
+    code, out, _ = run(*at, "--deg")
+    assert code == 0
+    assert f"{len(expected)} solutions, closed form (S-R-S), complete" in out
+    assert f"{math.degrees(expected[0].q[0]):.5f}" in out
+    assert run("solve", "--position", 9, 0, 0, "--all")[0] == 1
+    for other in (["--q0", *[0] * 7], ["--batch", "poses.csv"]):
+        assert "--all" in misuse(run("solve", "--all", *other))
+
+
 def test_misuse_is_2_with_one_line(run, tmp_path):
     """Whatever a caller gets wrong: exit code 2, one line on stderr that says what, nothing on stdout."""
     at = ("solve", "--position", 0.4, 0, 0.5)

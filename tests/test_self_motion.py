@@ -7,7 +7,7 @@ import maira_qp as mq
 from maira_qp.orientation import pose_error
 from maira_qp.robots.arcs import arcs
 from maira_qp.robots.srs import SRS
-from maira_qp.solvers.self_motion import best, nearest
+from maira_qp.solvers.self_motion import best, best_of_each_arc, nearest
 
 
 @pytest.mark.parametrize("objective", [mq.Posture(), mq.LimitDistance(), mq.Manipulability()])
@@ -40,32 +40,16 @@ def test_no_local_search_finds_better(iiwa14, rng):
         assert best(srs, T, mq.Posture()).cost <= solver.solve(T, rng=rng).cost + 1e-4
 
 
+@pytest.mark.parametrize("weights", [None, [1.0, 0.0, 2.0, 0.5, 0.0, 0.0, 3.0]])
+def test_leaving_out_arcs_by_their_bound_loses_nothing(maira, rng, weights):
+    """The best of all is the first of the best of each arc."""
+    srs = SRS.of(maira)
+    for _ in range(3):
+        T = maira.forward(maira.random_configuration(rng))
+        objective = mq.Posture(maira.random_configuration(rng), weights)
+        assert best(srs, T, objective).cost == best_of_each_arc(srs, T, objective)[0].cost
+
+
 def test_where_nothing_reaches_nothing_is_best(iiwa14):
     """None, beyond the annulus."""
     assert best(SRS.of(iiwa14), mq.pose([2.0, 0.0, 0.0]), mq.Posture()) is None
-
-
-def test_a_solver_lists_its_solutions_best_first(maira, rng):
-    """Each reaches the pose within the limits; none is better than the first, nor is what `solve` settles at."""
-    solver = mq.Solver(maira, redundancy=mq.Strict(mq.Posture()))
-    target = maira.forward(maira.random_configuration(rng))
-    found = solver.solutions(target)
-    costs = [one.cost for one in found]
-    assert costs == sorted(costs)
-    assert costs[0] <= solver.solve(target).cost + 1e-9
-    for one in found:
-        assert np.abs(pose_error(maira.forward(one.q), target)).max() < 1e-12
-        assert ((maira.lower <= one.q) & (one.q <= maira.upper)).all()
-    assert solver.solutions(mq.pose([5, 0, 0])) == []
-
-
-def test_other_arms_and_tasks_have_no_solutions_to_list(maira, ur5):
-    target = maira.forward(maira.middle)
-    for solver, message in [
-        (mq.Solver(ur5), "S-R-S"),
-        (mq.Solver(maira, task=mq.PositionTask()), "PoseTask"),
-        (mq.Solver(maira, tasks=[mq.DampingTask()]), "PoseTask"),
-        (mq.Solver(maira, limits=[mq.LinearLimit(np.eye(7), np.full(7, 9.0))]), "joint limits"),
-    ]:
-        with pytest.raises(mq.errors.OptionError, match=message):
-            solver.solutions(target)

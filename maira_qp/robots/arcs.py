@@ -32,6 +32,7 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 
+from maira_qp.robots.robot import Robot
 from maira_qp.robots.srs import (
     BRANCHES,
     SRS,
@@ -68,6 +69,11 @@ class Arc:
     _srs: SRS
 
     @property
+    def robot(self) -> Robot:
+        """Whose configurations these are."""
+        return self._srs.robot
+
+    @property
     def length(self) -> float:
         """[rad]; 0 for an isolated solution."""
         return self.upper - self.lower
@@ -81,7 +87,7 @@ class Arc:
 
         Continuous in psi, but where a continuous joint passes pi.
         """
-        robot = self._srs.robot
+        robot = self.robot
         psi = np.clip(np.asarray(psi, dtype=float), self.lower, self.upper)
         q = _from_lower(self._srs, self._srs.evaluate(self._elbow, psi.ravel())[:, BRANCHES.index(self.branch) % 4])
         q = self._at_its_end(psi.ravel(), q) + _TURN * np.array(self.turns)

@@ -5,16 +5,11 @@ They tell much about whether a pose can be reached, see `maira_qp.kernels.exclus
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from maira_qp.kernels.chain import PRISMATIC, forward
 from maira_qp.robots.lines import MEETS_WITHIN, foot, meeting
-from maira_qp.robots.serial_chain import chain_of
-
-if TYPE_CHECKING:
-    from maira_qp.robots.robot import Robot
+from maira_qp.robots.robot import Robot
+from maira_qp.robots.screws import screws
 
 
 def tool_points(robot: Robot) -> np.ndarray:
@@ -22,8 +17,9 @@ def tool_points(robot: Robot) -> np.ndarray:
 
     The robot must be a chain, `Robot.is_chain`.
     """
-    axes, origins, slides, tip = _axes(robot)
-    R, p = tip[:9].reshape(3, 3), tip[9:]
+    origins, axes = screws(robot)
+    slides, tip = robot.slides, robot.forward(np.zeros(robot.n))
+    p = tip.translation
     found = [p]
     if not slides[-1]:
         found.append(origins[-1] + (axes[-1] @ (p - origins[-1])) * axes[-1])
@@ -32,7 +28,7 @@ def tool_points(robot: Robot) -> np.ndarray:
             point, off = meeting(origins[-count:], axes[-count:])
             if off <= MEETS_WITHIN * robot.length:
                 found.append(point)
-    return _distinct((np.array(found) - p) @ R, robot.length)
+    return _distinct((np.array(found) - p) @ tip.rotation, robot.length)
 
 
 def pivots(robot: Robot) -> np.ndarray:
@@ -40,21 +36,13 @@ def pivots(robot: Robot) -> np.ndarray:
 
     They are the feet of the common normals with the axes before and behind.
     """
-    axes, origins, slides, _ = _axes(robot)
-    found = []
+    origins, axes = screws(robot)
+    slides, found = robot.slides, []
     for i in np.flatnonzero(~slides):
         near = [j for j in (i - 1, i + 1) if 0 <= j < robot.n and not slides[j]]
         feet = [foot(origins[[i, j]], axes[[i, j]]) for j in near] or [0.0]
         found += [(i, along) for along in _distinct(np.array(feet)[:, None], robot.length)[:, 0]]
     return np.array(found, dtype=float).reshape(-1, 2)
-
-
-def _axes(robot: Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The joints' axes and origins (n, 3), which of them slide (n,), and the tip (12,), at the middle of the limits."""
-    chain, n = chain_of(robot), robot.n
-    axes, origins, tip = np.empty((n, 3)), np.empty((n, 3)), np.empty(12)
-    forward(chain, np.array(robot.middle), axes, origins, tip)
-    return axes, origins, chain[:-1, PRISMATIC] != 0, tip
 
 
 def _distinct(points: np.ndarray, length: float) -> np.ndarray:

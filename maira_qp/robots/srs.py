@@ -32,6 +32,7 @@ first and the last joint turn against each other at a single psi: one pair of th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +41,7 @@ import pinocchio as pin
 from maira_qp.orientation import rigid, skew
 from maira_qp.robots.lines import MEETS_WITHIN, meeting
 from maira_qp.robots.robot import Robot
+from maira_qp.robots.screws import screws
 
 PARALLEL_WITHIN = 1e-3
 """Adjacent axes of a spherical joint at a smaller angle [rad] count as parallel."""
@@ -70,7 +72,12 @@ def rotations(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
 
 def _angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Angle (...) [rad] between vectors (3,) and (..., 3), exact at 0 and pi."""
-    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), b @ a)
+    return np.arctan2(np.linalg.norm(_cross(a, b), axis=-1), b @ a)
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a x b (..., 3) for a (3,) and b (..., 3): in a fraction of the time that `np.cross` takes."""
+    return b @ skew(a).T
 
 
 def _across(axis: np.ndarray) -> np.ndarray:
@@ -95,12 +102,12 @@ class SphericalJoint:
     @property
     def amplitude(self) -> float:
         """rho > 0 of the same."""
-        return float(np.linalg.norm(np.cross(self.a, self.b)) * np.linalg.norm(np.cross(self.b, self.c)))
+        return float(np.linalg.norm(_cross(self.a, self.b)) * np.linalg.norm(_cross(self.b, self.c)))
 
     @property
     def phase(self) -> float:
         """phi of the same [rad]."""
-        return float(np.arctan2(self.a @ np.cross(self.b, self.c), self.a @ self.c - self.constant))
+        return float(np.arctan2(self.a @ _cross(self.b, self.c), self.a @ self.c - self.constant))
 
     @property
     def angles(self) -> tuple[float, float]:
@@ -129,12 +136,12 @@ class SphericalJoint:
         theta = np.where(missing > REACHED_WITHIN, np.nan, theta)
         q_b = self.phase + np.stack([theta, -theta], axis=-1)
         R_b = rotations(b, q_b)
-        x, y = np.cross(a, R_b @ c), np.cross(a, y)[..., None, :]  # short near a singularity, but of exact direction
-        q_a = np.arctan2(np.cross(x, y) @ a, (x * y).sum(-1))
+        x, y = _cross(a, R_b @ c), _cross(a, y)[..., None, :]  # short near a singularity, but of exact direction
+        q_a = np.arctan2((_cross(a, x) * y).sum(-1), (x * y).sum(-1))
         left = (rotations(a, q_a) @ R_b).swapaxes(-1, -2) @ R[..., None, :, :]
         e = _across(c)
         turned = left @ e
-        return np.stack([q_a, q_b, np.arctan2(turned @ np.cross(c, e), turned @ e)], axis=-1)
+        return np.stack([q_a, q_b, np.arctan2(turned @ _cross(c, e), turned @ e)], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,13 +192,13 @@ class SRS:
     @staticmethod
     def of(robot: Robot, reference: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> SRS | None:
         """The geometry of a robot that is S-R-S to `MEETS_WITHIN`; None for any other, see `SRS.refusal`."""
-        found = _geometry(robot, np.array(reference) / np.linalg.norm(reference))
+        found = _geometry(robot, reference)
         return found if isinstance(found, SRS) else None
 
     @staticmethod
     def refusal(robot: Robot) -> str | None:
         """Why a robot is not S-R-S; None if it is."""
-        found = _geometry(robot, np.array([0.0, 0.0, 1.0]))
+        found = _geometry(robot, (0.0, 0.0, 1.0))
         return found if isinstance(found, str) else None
 
     @property
@@ -235,6 +242,17 @@ class SRS:
         signs = (1,) if theta in (0.0, float(2 * np.arctan2(1.0, 0.0))) else (1, -1)
         D = T[:3, :3] @ self.tip[:3, :3].T
         return [self._elbow_branch(sign, self.phase + sign * theta, line, D) for sign in signs]
+
+    def is_singular(self, T: np.ndarray) -> bool:
+        """Whether some solution for a pose T (4, 4), limits aside, is one of those that are not covered, see above."""
+        if np.linalg.norm(self.wrist_centre(T) - self.shoulder) < _SMALL * self.robot.length:
+            return True
+        for elbow in self.elbow_branches(T):
+            for joint, circle in zip(self.joints, (elbow.shoulder, elbow.wrist), strict=True):
+                apex = np.arctan2(joint.a @ circle.sine @ joint.c, joint.a @ circle.cosine @ joint.c)
+                if joint.nearness(circle.at(np.array([apex, apex + np.pi]))).min() < _SMALL:
+                    return True
+        return False
 
     def _elbow_branch(self, sign: int, q4: float, line: np.ndarray, D: np.ndarray) -> ElbowBranch:
         """The branch with this elbow angle for a wrist at `line` (3,) [m] from the shoulder; D (3, 3) see above."""
@@ -294,11 +312,12 @@ def _frame(along: np.ndarray, towards: np.ndarray) -> np.ndarray:
     return np.column_stack([x, y, np.cross(x, y)])
 
 
-def _geometry(robot: Robot, reference: np.ndarray) -> SRS | str:
+@lru_cache(maxsize=16)
+def _geometry(robot: Robot, reference: tuple[float, float, float]) -> SRS | str:
     """The geometry of an S-R-S arm, or why it is not one."""
     if robot.n != 7 or not robot.is_chain:
         return "not a chain of 7 joints"
-    points, axes = _axes(robot)
+    points, axes = screws(robot)
     if np.isnan(axes).any():
         return "not all joints are revolute"
     for name, first in (("shoulder", 0), ("wrist", 4)):
@@ -312,16 +331,6 @@ def _geometry(robot: Robot, reference: np.ndarray) -> SRS | str:
     offsets = [p - points[3] for p in (shoulder, wrist)]
     if min(np.linalg.norm(np.cross(axes[3], offset)) for offset in offsets) < PARALLEL_WITHIN * robot.length:
         return "shoulder or wrist is on the axis of the elbow"
+    up = np.array(reference) / np.linalg.norm(reference)
     elbow = points[3] + (axes[3] @ offsets[0]) * axes[3]
-    return SRS(robot, axes, shoulder, elbow, wrist, robot.forward(np.zeros(7)).homogeneous, reference)
-
-
-def _axes(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
-    """A point (7, 3) [m] of each joint's axis and its direction (7, 3) at q = 0; NaN for a prismatic joint."""
-    model, data = robot.model, robot.model.createData()
-    pin.computeJointJacobians(model, data, np.zeros(7))
-    columns = [
-        pin.getJointJacobian(model, data, i + 1, pin.LOCAL_WORLD_ALIGNED).reshape(6, 7)[:, i].copy() for i in range(7)
-    ]
-    axes = np.array([column[3:] if np.abs(column[:3]).max() < 0.5 else np.full(3, np.nan) for column in columns])
-    return np.array([data.oMi[i + 1].translation for i in range(7)]), axes / np.linalg.norm(axes, axis=1)[:, None]
+    return SRS(robot, axes, shoulder, elbow, wrist, robot.forward(np.zeros(7)).homogeneous, up)

@@ -9,10 +9,18 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from maira_qp.kernels.chain import LOWER, UPPER
+from maira_qp.kernels.descent import (
+    LEAST_DAMPING,
+    MAX_ITERATIONS,
+    ORIENTATION_TOLERANCE,
+    POSITION_TOLERANCE,
+    STALL_RATIO,
+)
 from maira_qp.kernels.lanes import LANES
 from maira_qp.kernels.nearest import nearest_points
 from maira_qp.kernels.rigid import FINE
@@ -28,7 +36,7 @@ from maira_qp.kernels.search import (
     memory_sizes,
     search,
 )
-from maira_qp.kernels.settling import MAX_SETTLING, STATIONARITY_TOLERANCE, settle
+from maira_qp.kernels.settling import MAX_SETTLING, PROJECTED_GRADIENT, REACHED, STATIONARITY_TOLERANCE, settle
 from maira_qp.kernels.settling import OUTCOME as SETTLED
 from maira_qp.kernels.starts import FEATURES, fill_library
 from maira_qp.orientation import ORTHONORMAL_WITHIN
@@ -52,6 +60,12 @@ LIBRARY, CORNERS = 512, 128
 """Configurations to start from whose poses are known, and how many of them at most have every joint on a limit.
 
 A pass over them costs a fraction of an iteration. Targets near a corner of the limits are the hardest to find."""
+
+EXACT = 1e-12
+"""Errors [m, rad] at which a descent that is to be exact ends."""
+
+LEAST_EXACT_DAMPING = 1e-14
+"""Its `LEAST_DAMPING`, at the edge of rounding: more would slow it down where singular values are as small."""
 
 # the entries of `Compiled.redundancy`, before 2 n more: the reference and the weights of the posture
 KIND, WEIGHT = 0, 1
@@ -198,11 +212,12 @@ class Compiled:
             outcome[left, SPENT], outcome[left, ATTEMPT] = more[:, SPENT], more[:, ATTEMPT]
             outcome[left[better]], q[left[better]] = more[better], more_q[better]
 
-    def try_once(self, row: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where descents from starts (N, n) toward a target (12,) end, one from each: q (N, n), outcomes (N, 7)."""
-        q, outcome = np.empty(starts.shape), np.empty((len(starts), OUTCOME))
-        self._search(np.tile(row, (len(starts), 1)), starts, np.zeros(len(starts), np.uint64), False, 0, 0, q, outcome)
-        return q, outcome
+    def _settle(self, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
+        """Settle the redundancy at the configurations q (N, n), in place, that reach the targets (N, 12)."""
+        n, own = self.robot.n, self.redundancy
+        assert own is not None
+        weight = own[WEIGHT] if own[KIND] == WEIGHTED else 0.0
+        settle(self.chain, self.settings, rows, own[2 : 2 + n], own[2 + n :], weight, self.settling, q, after)
 
     def _finish(self, rows: np.ndarray, q: np.ndarray, outcome: np.ndarray) -> np.ndarray:
         """From what was found for the targets (N, 12) to the redundancy's optimum, or the nearest point; q in place.
@@ -212,17 +227,45 @@ class Compiled:
         n, own, constants, after = self.robot.n, self.redundancy, self.settling, np.full((len(q), SETTLED), np.nan)
         reached = outcome[:, SUCCESS] > 0.0
         short = np.flatnonzero(~reached & np.isfinite(outcome[:, FINAL_COST]))
-        reference, weights, weight = np.full(n, np.nan), np.zeros(n), 0.0
         if self.settles:
-            assert own is not None
-            reference, weights, weight = own[2 : 2 + n], own[2 + n :], own[WEIGHT] if own[KIND] == WEIGHTED else 0.0
-            settle(self.chain, self.settings, rows, reference, weights, weight, constants, q, after)
+            self._settle(rows, q, after)
         if len(short):
+            reference, weights = (own[2 : 2 + n], own[2 + n :]) if self.settles else (np.full(n, np.nan), np.zeros(n))
             near, end = q[short], np.empty((len(short), SETTLED))
             tolerance, most = constants[STATIONARITY_TOLERANCE], int(constants[MAX_SETTLING])
             nearest_points(self.chain, self.settings, rows[short], reference, weights, tolerance, most, near, end)
             q[short], after[short] = near, end
         return after
+
+    def descend(self, row: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where single descents from starts (N, n) toward a target (12,) end: q (N, n), outcomes (N, 7)."""
+        q, outcome = np.empty(starts.shape), np.empty((len(starts), OUTCOME))
+        self._search(np.tile(row, (len(starts), 1)), starts, np.zeros(len(starts), np.uint64), False, 0, 0, q, outcome)
+        return q, outcome
+
+    def settled(self, row: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The optima of the redundancy near q (N, n), which reach a target (12,), and whether they are reached (N,)."""
+        q, outcome = q.copy(), np.empty((len(q), SETTLED))
+        self._settle(np.tile(row, (len(q), 1)), q, outcome)
+        tolerance = self.settling[STATIONARITY_TOLERANCE]
+        return q, (outcome[:, REACHED] > 0.0) & (outcome[:, PROJECTED_GRADIENT] <= tolerance)
+
+    def exact(self) -> Compiled:
+        """The same with descents that do not end before the last digits, even next to a singularity."""
+        settings = self.settings.copy()
+        settings[[POSITION_TOLERANCE, ORIENTATION_TOLERANCE]] = EXACT
+        settings[STALL_RATIO], settings[LEAST_DAMPING], settings[MAX_ITERATIONS] = 0.0, LEAST_EXACT_DAMPING, 1000
+        return replace(self, settings=settings)
+
+    def without_limits(self, joints: np.ndarray) -> Compiled:
+        """The same with some joints (n,) of bool set free."""
+        chain = self.chain.copy()
+        chain[:-1, LOWER][joints], chain[:-1, UPPER][joints] = -np.inf, np.inf
+        return replace(self, chain=chain)
+
+    def preferring(self, redundancy: Strict) -> Compiled:
+        """The same with another redundancy, made for the robot."""
+        return replace(self, redundancy=_posture(self.robot, redundancy))
 
     def search(
         self, row: np.ndarray, q0: np.ndarray | None, stream: np.ndarray, shuffled: bool, budget: Budget

@@ -37,7 +37,7 @@ def screen(
     Without them it is solved once from as many random starts as there may be attempts.
     """
     robot, options = setting.robot, setting.options
-    q, outcome = engine.try_once(
+    q, outcome = engine.descend(
         row, np.array([robot.random_configuration(rng) for _ in range(options.max_restarts + 1)])
     )
     budget.iterations += int(outcome[:, SPENT].sum())

@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 
 from maira_qp.problem.objectives import Objective, Posture
 from maira_qp.robots.arcs import Arc, arcs
-from maira_qp.robots.srs import SRS
+from maira_qp.robots.srs import SRS, Branch
 
 STEP = 0.2
 """Samples on an arc are at most this far apart [rad] in every joint, singularities aside."""
@@ -41,8 +41,12 @@ def best(srs: SRS, T: np.ndarray | pin.SE3, objective: Objective) -> Best | None
 
     Raises `PoseError`, `OptionError`.
     """
-    ranked = best_of_each_arc(srs, T, objective)
-    return ranked[0] if ranked else None
+    least: Best | None = None
+    for sampled in sorted(_sampled(srs, T, objective.of(srs.robot)), key=lambda each: each.costs.min()):
+        if least is None or sampled.bound < least.cost:
+            refined = sampled.refined()
+            least = refined if least is None or refined.cost < least.cost else least
+    return least
 
 
 def best_of_each_arc(srs: SRS, T: np.ndarray | pin.SE3, objective: Objective) -> list[Best]:
@@ -50,8 +54,8 @@ def best_of_each_arc(srs: SRS, T: np.ndarray | pin.SE3, objective: Objective) ->
 
     Raises `PoseError`, `OptionError`.
     """
-    objective = objective.of(srs.robot)
-    return sorted((_best_on(srs, arc, objective) for arc in arcs(srs, T)), key=lambda one: one.cost)
+    refined = [sampled.refined() for sampled in _sampled(srs, T, objective.of(srs.robot))]
+    return sorted(refined, key=lambda one: one.cost)
 
 
 def nearest(srs: SRS, T: np.ndarray | pin.SE3, q0: Any, weights: Any = None) -> Best | None:
@@ -59,29 +63,70 @@ def nearest(srs: SRS, T: np.ndarray | pin.SE3, q0: Any, weights: Any = None) -> 
     return best(srs, T, Posture(q0, weights))
 
 
-def _best_on(srs: SRS, arc: Arc, objective: Objective) -> Best:
-    """The least cost on one arc."""
+@dataclass(frozen=True, eq=False)
+class _Sampled:
+    """An arc, and the cost at samples of it."""
 
-    def configurations(psi: np.ndarray) -> np.ndarray:
-        q = arc.at(psi)
-        if isinstance(objective, Posture):  # a continuous joint takes the turn that is nearest to the reference
-            turns = np.round((objective.q_ref - q) / (2 * np.pi))
-            q = q + np.where(np.isinf(srs.robot.upper), 2 * np.pi * turns, 0.0)
-        return q
+    arc: Arc
+    objective: Objective
+    psi: np.ndarray
+    """(k,) [rad]"""
+    q: np.ndarray
+    """(k, 7) [rad]"""
+    costs: np.ndarray
+    """(k,)"""
 
-    def cost(psi: float) -> float:
-        return objective.cost(srs.robot.at(configurations(np.array([psi]))[0]))
+    @property
+    def bound(self) -> float:
+        """No cost on the arc is lower; known of a posture alone.
 
-    psi = _samples(arc)
-    costs = np.array([objective.cost(srs.robot.at(q)) for q in configurations(psi)])
-    found = [(float(costs.min()), float(psi[costs.argmin()]))]
-    for i in _least(costs):
-        low, high = psi[max(i - 1, 0)], psi[min(i + 1, len(psi) - 1)]
-        if high > low:
-            result: Any = minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-9})
-            found.append((float(result.fun), float(result.x)))
-    least, at = min(found)
-    return Best(configurations(np.array([at]))[0], least, at, arc)
+        Its root is a distance: between two samples it falls by no more than these are apart.
+        """
+        if not isinstance(self.objective, Posture):
+            return -np.inf
+        gaps = np.abs(np.diff(self.q, axis=0)).max(axis=0, initial=0.0)
+        reach = np.sqrt(0.5 * gaps @ (self.objective.weights * gaps))
+        return float(max(np.sqrt(self.costs.min()) - reach, 0.0) ** 2)
+
+    def refined(self) -> Best:
+        """The least cost on the arc."""
+
+        def cost(psi: float) -> float:
+            return float(_evaluated(self.arc, self.objective, np.array([psi]))[1][0])
+
+        psi, costs = self.psi, self.costs
+        found = [(float(costs.min()), float(psi[costs.argmin()]))]
+        for i in _least(costs):
+            low, high = psi[max(i - 1, 0)], psi[min(i + 1, len(psi) - 1)]
+            if high > low:
+                result: Any = minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-9})
+                found.append((float(result.fun), float(result.x)))
+        least, at = min(found)
+        return Best(_evaluated(self.arc, self.objective, np.array([at]))[0][0], least, at, self.arc)
+
+
+def _sampled(srs: SRS, T: np.ndarray | pin.SE3, objective: Objective) -> list[_Sampled]:
+    """All arcs, sampled; those that differ by whole turns alone at the same angles."""
+    samples: dict[tuple[Branch, float, float], np.ndarray] = {}
+    sampled = []
+    for arc in arcs(srs, T):
+        key = (arc.branch, arc.lower, arc.upper)
+        if key not in samples:
+            samples[key] = _samples(arc)
+        sampled.append(_Sampled(arc, objective, samples[key], *_evaluated(arc, objective, samples[key])))
+    return sampled
+
+
+def _evaluated(arc: Arc, objective: Objective, psi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The configurations (k, 7) [rad] at psi (k,) [rad], and their costs (k,).
+
+    With a posture, a continuous joint takes the turn that is nearest to the reference.
+    """
+    robot, q = arc.robot, arc.at(psi)
+    if isinstance(objective, Posture):
+        turns = np.round((objective.q_ref - q) / (2 * np.pi))
+        q = q + np.where(np.isinf(robot.upper), 2 * np.pi * turns, 0.0)
+    return q, np.array([objective.cost(robot.at(each)) for each in q])
 
 
 def _least(costs: np.ndarray) -> np.ndarray:

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -22,11 +24,11 @@ from maira_qp.problem.costs import TaskCost, tasks_toward
 from maira_qp.problem.limits import Limit, Tick
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.redundancy import Strict, Weighted
-from maira_qp.problem.tasks.frame import PoseTask
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
+from maira_qp.solvers.closest import check_preference, posture_at
 from maira_qp.solvers.descent import Budget
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.priorities import FARTHEST, Priorities, Targets
@@ -41,7 +43,7 @@ if TYPE_CHECKING:
     from maira_qp.solvers.compiled import Compiled
     from maira_qp.solvers.compiled_tick import CompiledTick
     from maira_qp.solvers.proofs import BoxProof, Proofs
-    from maira_qp.solvers.self_motion import Best
+    from maira_qp.solvers.solutions import Solutions
 
 TOGETHER = 30
 """Restarts of the search for a configuration that meets the tasks of all levels at once: then no level has to yield."""
@@ -151,6 +153,8 @@ class Solver:
         rng: Rng = None,
         *,
         observe: Callable[[np.ndarray], object] | None = None,
+        prefer: str | None = None,
+        metric: Any = None,
     ) -> Solution:
         """Joint angles that put the tool at the target.
 
@@ -163,10 +167,17 @@ class Solver:
                 same answer. Other seeds begin elsewhere, and may find another configuration that reaches the target.
             observe: called with each configuration (n,) on the way, starts included, for pictures of the iteration;
                 with it, nothing runs in compiled code.
+            prefer: "closest": of all `solutions` the one nearest to q0 by `sum_i metric_i (q_i - q0_i)^2`, of which
+                `cost` is then half. Global for S-R-S arms, as complete as the list for others, and without regard to
+                the deadline. Where no solution is known, the usual verdict from q0. None: the first that is found.
+            metric: joint weights (n,), >= 0; None: 1.
 
         Raises `PoseError`, `ConfigurationError`, `OptionError` for what cannot be meant; the rest is a `Status`.
         """
         seed = SEED_0 if rng is None else checked_seed(rng)
+        if prefer is not None or metric is not None:
+            check_preference(prefer, q0, self.redundancy, observe)
+            return self._closest(self._priorities.targets(target), posture_at(q0, metric, self.robot), seed)
         start = q0 if q0 is None or is_native(q0, (self.robot.n,)) else self._start(q0)
         engine = self._search_engine
         if engine is None or observe is not None or self.options.deadline is not None:
@@ -208,6 +219,8 @@ class Solver:
         *,
         threads: int | None = None,
         progress: Callable[[int, int], object] | None = None,
+        prefer: str | None = None,
+        metric: Any = None,
     ) -> BatchSolution:
         """`solve` for each of N targets: `batch[i].q` is that of `solve(targets[i], q0, rng=seed)`, to the bit.
 
@@ -222,6 +235,7 @@ class Solver:
             seed: non-negative integer.
             threads: how many threads the compiled engine may use; None: one a processor. No answer depends on it.
             progress: called now and then, from this thread, with how many targets are done and how many there are.
+            prefer, metric: as for `solve`.
 
         Raises `PoseError`, `ConfigurationError` or `OptionError`, naming the target, before anything is solved.
         """
@@ -230,15 +244,22 @@ class Solver:
         words = checked_seed(seed)
         if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
             raise OptionError(f"threads must be a positive whole number, got {threads!r}")
+        postures = None
+        if prefer is not None or metric is not None:
+            check_preference(prefer, starts, self.redundancy)
+            postures = [posture_at(start, metric, self.robot) for start in starts]  # type: ignore[union-attr]
         batch = BatchSolution.blank(self._setting, self.backend, len(rows), (self._priorities, rows))
         batch.q[:] = self.robot.middle
         finite = np.isfinite(rows[:, 0, 0])
         engine = self._search_engine
-        if engine is None or self.options.deadline is not None or not engine.takes(starts):
+        if postures is not None or engine is None or self.options.deadline is not None or not engine.takes(starts):
             for i in range(len(rows)):
                 if finite[i]:
                     targets = self._priorities.of_row(rows[i])
-                    batch.put(i, self._solve(targets, None if starts is None else starts[i], words))
+                    if postures is not None:
+                        batch.put(i, self._closest(targets, postures[i], words))
+                    else:
+                        batch.put(i, self._solve(targets, None if starts is None else starts[i], words))
                 if progress is not None:
                     progress(i + 1, len(rows))
             return batch
@@ -256,28 +277,42 @@ class Solver:
                 progress(i + 1, len(rows))
         return batch
 
-    def solutions(self, target: Any) -> list[Best]:
-        """All configurations of an S-R-S arm that put the tip at the target within the limits, in closed form.
+    def solutions(self, target: Any, rng: Rng = None) -> Solutions:
+        """All configurations within the limits that put the tip at the target, the best first.
 
-        They come as arcs of the swivel angle with the best configuration of each, ranked by the redundancy's first
-        objective, or `Posture()` without one: the first is the global optimum. Empty where there are none.
-        Raises `OptionError` for a robot that is no S-R-S arm or tasks that are not its tip's pose, `PoseError`.
+        They are ranked by the redundancy's first objective, `Posture()` without one. S-R-S arms: in closed form, all
+        arcs of the swivel angle with the best configuration of each, so that the first is the global optimum. Arms of
+        six joints: isolated solutions, each whole turn within the limits one of its own; from EAIK's closed form where
+        that is installed (`maira-qp[closed-form]`) and knows the arm, else numerical: what descents from random starts
+        find until none has found a new one for long. Other redundant arms: the same, with each descent settled at the
+        objective's optimum along its self-motion; the list holds these local optima. See `Solutions`.
+
+        Args:
+            target: as for `solve`.
+            rng: as for `solve`: generator or seed of the random starts.
+
+        Raises `PoseError`; `OptionError` for other tasks than one `PoseTask` of the tip, for further limits, and for a
+        robot that is no serial chain.
         """
-        from maira_qp.robots.srs import SRS
-        from maira_qp.solvers.self_motion import best_of_each_arc
+        from maira_qp.solvers.enumeration import all_solutions  # heavy: Numba comes with it
 
-        robot, redundancy = self.robot, self.redundancy
-        srs = SRS.of(robot)
-        if srs is None:
-            raise OptionError(
-                f"solutions are known for S-R-S arms alone, and {robot.name} is none: {SRS.refusal(robot)}"
-            )
-        only = len(self.tasks) == 1 and isinstance(self.tasks[0], PoseTask) and not self._priorities.below
-        if not only or self._priorities.frames != (robot.tip,) or not self.tasks[0].kept.all() or self._setting.further:
-            raise OptionError("solutions are those of one PoseTask() of the tip within the joint limits")
+        targets, redundancy = self._priorities.targets(target), self.redundancy
         objectives = redundancy.objectives if isinstance(redundancy, Strict) else ()
         objective = redundancy.objective if isinstance(redundancy, Weighted) else (*objectives, Posture())[0]
-        return best_of_each_arc(srs, self._priorities.targets(target)[robot.tip], objective)
+        seed = SEED_0 if rng is None else checked_seed(rng)
+        return all_solutions(self._priorities, self._setting, self._compiled, targets, objective.of(self.robot), seed)
+
+    def _closest(self, targets: Targets, posture: Posture, seed: np.ndarray) -> Solution:
+        """The nearest of all solutions to a posture, settled there; without any, what is found from it."""
+        from maira_qp.solvers.enumeration import nearest_solution
+
+        q = nearest_solution(self._priorities, self._setting, self._compiled, targets, posture, seed)
+        if q is None:
+            return self._solve(targets, posture.q_ref, seed)
+        wish, settling = Strict(posture), copy(self)
+        settling._priorities = replace(self._priorities, redundancy=wish)
+        settling._compiled = None if self._compiled is None else self._compiled.preferring(wish)
+        return settling.solve(targets, q)
 
     def step(
         self, q: Any, target: Any = None, dt: float = math.nan, *, velocity: Any = None, deadline: float | None = None

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from maira_qp.problem.redundancy import Strict, Weighted
     from maira_qp.robots.robot import Robot
     from maira_qp.solvers.solution import Solution
+    from maira_qp.solvers.solutions import Solutions
 
 DEFAULT_WEIGHT = 1e-3
 
@@ -30,6 +31,9 @@ VERDICTS = {"CONVERGED": 0, "NEAREST": 1, "UNREACHABLE": 3, "BUDGET_SPENT": 4}
 class Solve:
     """Joint values that put the tool at a pose, inside the joint limits. The exit code is the verdict: 0 solved; 1 a
     nearest point; 3 proved to be out of reach; 4 the budget was spent; 2 misuse.
+
+    With --all every solution, the best first: those of all branches, of a redundant arm the best of each arc or, where
+    it is not known in closed form, the local optima that were found.
 
     With --batch FILE many poses, a pose a row. CSV and Parquet have columns x, y, z [m] with qw, qx, qy, qz (scalar
     first) or with roll, pitch, yaw [rad, or deg with --deg]; or m00, m01, ... m23, the rows of the 4x4 matrix (m30 to
@@ -58,6 +62,8 @@ class Solve:
     """File of the answers to --batch, .csv, .npz or .parquet; none: poses.csv is answered in poses.solved.csv."""
     threads: int | None = None
     """Threads that solve --batch; >= 1; none: one a processor. No answer depends on it."""
+    all: tyro.conf.FlagCreatePairsOff[bool] = False
+    """List every solution that is known, ranked by how near the joints are to mid-range, in place of one."""
     q0: JointValues = None
     """Joint values to start from [rad, or deg with --deg; m for a sliding joint]; none: those of --batch, or the
     solver's own."""
@@ -101,6 +107,13 @@ class Solve:
                 project=self.project,
             )
             return batch.run(solver, angles, json=self.json)
+        if self.all:
+            solutions = solver.solutions(target, rng=seed)
+            if self.json:
+                print_json(_all_as_json(robot, angles, solutions))
+            else:
+                _show_all(robot, angles, solutions)
+            return 0 if solutions else 1
         solution = solver.solve(target, q0=q0, rng=seed)
         if self.json:
             print_json(_as_json(robot, angles, solution))
@@ -112,6 +125,8 @@ class Solve:
         """Raises `OptionError` for flags that make no sense together."""
         one = ("position", "quaternion", "rpy", "matrix")
         pointless = ("output", "threads") if self.batch is None else one
+        if self.all and (self.batch is not None or self.q0 is not None):
+            raise OptionError("--all goes neither with --batch nor with --q0")
         given = [f"--{name}" for name in pointless if getattr(self, name) is not None]
         if given:
             verb = "counts" if len(given) == 1 else "count"
@@ -211,4 +226,49 @@ def _show(robot: Robot, angles: Angles, s: Solution) -> None:
     if np.isfinite(s.cost):
         table.add_row("posture cost 1/2 |q - middle|^2", f"{s.cost:.6g}")
     table.add_row("QPs solved by", s.backend)
+    out.print(table)
+
+
+def _all_as_json(robot: Robot, angles: Angles, solutions: Solutions) -> dict[str, Any]:
+    return {
+        "robot": robot.name,
+        "tip": robot.tip,
+        "joint_names": robot.joint_names,
+        "q_units": angles.units,
+        "method": solutions.method,
+        "is_complete": solutions.is_complete,
+        "starts": solutions.starts,
+        "starts_without_new": solutions.starts_without_new,
+        "solutions": [
+            {
+                "q": angles.write(one.q),
+                "cost": one.cost,
+                "position_error": one.position_error,
+                "orientation_error": one.orientation_error,
+            }
+            for one in solutions
+        ],
+    }
+
+
+def _show_all(robot: Robot, angles: Angles, solutions: Solutions) -> None:
+    """The solutions as a table on stdout, a row each."""
+    from rich.table import Table
+
+    from maira_qp.apps.commands.output import console
+
+    out, complete = console(), "complete" if solutions.is_complete else "not proved complete"
+    out.print(
+        f"{len(solutions)} solutions, {solutions.method}, {complete}", style="bold green" if solutions else "bold"
+    )
+    if solutions.starts:
+        out.print(f"{solutions.starts} random starts, {solutions.starts_without_new} since the last new solution")
+    table = Table()
+    for name, unit in zip(robot.joint_names, angles.units, strict=True):
+        table.add_column(f"{name} [{unit}]", justify="right")
+    for name in ("posture cost", "error [m]", "error [rad]"):
+        table.add_column(name, justify="right")
+    for one in solutions:
+        values = [f"{value:.5f}" for value in angles.write(one.q)]
+        table.add_row(*values, f"{one.cost:.5g}", f"{one.position_error:.1e}", f"{one.orientation_error:.1e}")
     out.print(table)

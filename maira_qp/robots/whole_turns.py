@@ -1,0 +1,91 @@
+"""Joint angles that differ by whole turns: the same pose of every link, but another place between the limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from maira_qp.kernels.chain import PRISMATIC
+from maira_qp.robots.robot import Robot
+from maira_qp.robots.serial_chain import chain_of
+
+WITHIN = 1e-9
+"""A joint beyond a limit by at most this [rad or m] is at the limit: it is clipped."""
+_TURN = 2 * np.pi
+
+
+@dataclass(frozen=True, eq=False)
+class WholeTurns:
+    """The turns of a chain's joints, counted to stay near a reference."""
+
+    robot: Robot
+    reference: np.ndarray
+    """(n,) [rad or m]"""
+    revolute: np.ndarray
+    """Which joints (n,) turn"""
+
+    @staticmethod
+    def of(robot: Robot, reference: np.ndarray) -> WholeTurns:
+        """Of a robot that is a chain."""
+        return WholeTurns(robot, reference, chain_of(robot)[:-1, PRISMATIC] == 0.0)
+
+    @property
+    def everywhere(self) -> np.ndarray:
+        """Which joints (n,) have every angle within their limits: their range is a turn or more."""
+        return np.asarray(self.revolute & (self.robot.upper - self.robot.lower >= _TURN))
+
+    def unwound(self, q: np.ndarray) -> np.ndarray:
+        """The configuration (n,) with the turns taken off that `everywhere` joints have made."""
+        return q - np.where(self.everywhere, _TURN * np.round(q / _TURN), 0.0)
+
+    def apart(self, q: np.ndarray, others: np.ndarray) -> np.ndarray:
+        """How far (...) [rad or m] q and others (..., n) are apart in the joint that differs most, turns aside."""
+        d = others - q
+        return np.abs(d - np.where(self.revolute, _TURN * np.round(d / _TURN), 0.0)).max(axis=-1, initial=0.0)
+
+    def within(self, q: np.ndarray, slack: float = WITHIN) -> np.ndarray:
+        """Those of the configurations (k, n) that turns bring within the limits, as near the reference as they can.
+
+        (m, n), within the limits to the bit: what is beyond them by at most `slack` [rad or m] is clipped.
+        """
+        first, last = self._room(q, slack)
+        turns = np.clip(np.round((self.reference - q) / _TURN), first, last)
+        fits = (first <= last).all(axis=-1)
+        return np.clip((q + _TURN * turns)[fits], self.robot.lower, self.robot.upper)
+
+    def all_within(self, q: np.ndarray, most: int) -> tuple[np.ndarray, bool]:
+        """All (k, n) that are some q (m, n) but for whole turns and within the limits, and whether these are all.
+
+        Of a continuous joint only the angle nearest to the reference is taken. Where there would be more than `most`,
+        what is left out has the most turns away from the reference.
+        """
+        shares = [self._each_within(each, max(most // len(q), 1)) for each in q]
+        listed = np.concatenate([np.empty((0, self.robot.n)), *(share for share, _ in shares)])
+        return listed, all(complete for _, complete in shares)
+
+    def _each_within(self, q: np.ndarray, most: int) -> tuple[np.ndarray, bool]:
+        """`all_within` of one configuration (n,)."""
+        angles = [self._angles(i, q[i], *room) for i, room in enumerate(zip(*self._room(q), strict=True))]
+        counts = np.array([len(each) for each in angles])
+        complete = np.prod(counts, dtype=float) <= most
+        while np.prod(counts, dtype=float) > most:
+            counts[counts.argmax()] -= 1
+        chosen = product(*(each[:count] for each, count in zip(angles, counts, strict=True)))
+        return np.clip(np.reshape(list(chosen), (-1, self.robot.n)), self.robot.lower, self.robot.upper), bool(complete)
+
+    def _angles(self, joint: int, angle: float, first: float, last: float) -> np.ndarray:
+        """The angles (k,) [rad] of a joint that are `first` to `last` turns further, nearest to the reference first.
+
+        A continuous joint has the first of them alone.
+        """
+        nearest = np.round((self.reference[joint] - angle) / _TURN)
+        turns = np.array([nearest]) if np.isinf(last) else np.arange(first, last + 1)
+        return angle + _TURN * turns[np.argsort(np.abs(turns - nearest), kind="stable")]
+
+    def _room(self, q: np.ndarray, slack: float = WITHIN) -> tuple[np.ndarray, np.ndarray]:
+        """The fewest and the most turns (..., n) that keep q (..., n) within the limits; none do where they cross."""
+        lower, upper = self.robot.lower - slack, self.robot.upper + slack
+        first, last = np.ceil((lower - q) / _TURN), np.floor((upper - q) / _TURN)
+        return np.where(self.revolute, first, 1.0 * (q < lower)), np.where(self.revolute, last, -1.0 * (q > upper))

@@ -1,0 +1,223 @@
+"""Every solution for a pose: in closed form where the arm has one, else by exhaustive multi-start.
+
+*S-R-S arms*: arcs of the swivel angle with the best configuration of each (`self_motion`). *Arms of six joints that
+EAIK decomposes* (`decomposition`): its branches, each brought onto the pose by a descent, for EAIK rounds what is
+nearly parallel or nearly meets. *All others*: `multi_start`. Descents go on to the last digits, so that solutions can
+be told apart.
+
+Where at most six joints move, solutions are isolated, singular poses aside, and each whole turn of a joint that fits
+between its limits makes one of its own. Where more move they form a continuum: each descent is settled at the optimum
+of the objective that its self-motion leads to, and the list holds these optima; of those that differ by whole turns
+alone it holds the one nearest to the posture that is preferred, or to the middle of the limits. An objective that the
+kernels do not know takes long to settle: that is done from the optima of `Posture()` alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from maira_qp.errors import OptionError
+from maira_qp.kernels.search import ORIENTATION_ERROR, POSITION_ERROR
+from maira_qp.problem.costs import TaskCost
+from maira_qp.problem.objectives import Objective, Posture
+from maira_qp.problem.redundancy import Strict
+from maira_qp.problem.tasks.frame import PoseTask
+from maira_qp.robots.arcs import Arc
+from maira_qp.robots.configuration import Configuration
+from maira_qp.robots.decomposition import Decomposition
+from maira_qp.robots.srs import SRS
+from maira_qp.robots.whole_turns import WholeTurns
+from maira_qp.solvers.compiled import Compiled
+from maira_qp.solvers.descent import Budget
+from maira_qp.solvers.multi_start import multi_start, new_among
+from maira_qp.solvers.priorities import Priorities, Targets
+from maira_qp.solvers.self_motion import best, best_of_each_arc
+from maira_qp.solvers.setting import Setting
+from maira_qp.solvers.settling import settle
+from maira_qp.solvers.solutions import ListedSolution, Solutions
+from maira_qp.solvers.targets import row_of, streams
+
+ISOLATED = 6
+"""A pose leaves so many moving joints no self-motion, singular configurations aside."""
+MOST = 4096
+"""Solutions of a list at most, those included that differ by whole turns."""
+APART, SETTLED_APART = 1e-5, 1e-2
+"""Solutions no joint of which differs by more [rad or m] are the same; and optima, known to their flatness alone."""
+ROUNDED = 1e-3
+"""A branch beyond a limit by at most this [rad] may be within it: EAIK rounds an arm to one that it can decompose."""
+MEETS, MISSES = 1e-6, 1e-3
+"""A branch with an error [m, rad] below the first reaches the pose, above the second it does not: else none knows."""
+REGULAR = 1e-3
+"""Where the Jacobian's singular values have a smaller ratio, a neighbour of a branch may have been lost to rounding."""
+
+
+def all_solutions(
+    priorities: Priorities,
+    setting: Setting,
+    engine: Compiled | None,
+    targets: Targets,
+    objective: Objective,
+    seed: np.ndarray,
+    start: np.ndarray | None = None,
+) -> Solutions:
+    """The solutions for one pose task of the tip, ranked by an objective that was made for the robot.
+
+    seed (2,): of what is random about a numerical list; start (n,): where that begins. `engine` None: one is made.
+    Raises `OptionError` for tasks, limits and robots whose solutions cannot be listed.
+    """
+    task, robot = _listable(priorities, setting, targets), priorities.robot
+    srs = SRS.of(robot)
+    if srs is not None:
+        ranked = best_of_each_arc(srs, task.target, objective)
+        items = tuple(_listed(task, objective, robot.at(one.q), one.arc, one.psi) for one in ranked)
+        return Solutions(items, "closed form (S-R-S)", not srs.is_singular(task.target.homogeneous))
+    engine = engine or Compiled.of(priorities, setting.options)  # type: ignore[assignment]
+    if not isinstance(engine, Compiled):
+        raise OptionError(f"solutions cannot be listed: {engine}")
+    enumeration = Enumeration(task, objective, setting, engine.preferring(Strict(objective)))
+    decomposition = Decomposition.of(robot)
+    if decomposition is not None:
+        return enumeration.by_branches(decomposition)
+    return enumeration.by_multi_start(seed, start)
+
+
+def nearest_solution(
+    priorities: Priorities,
+    setting: Setting,
+    engine: Compiled | None,
+    targets: Targets,
+    posture: Posture,
+    seed: np.ndarray,
+) -> np.ndarray | None:
+    """The configuration (n,) of the first of `all_solutions`, ranked by a posture; None where there is none."""
+    srs = SRS.of(priorities.robot)
+    if srs is not None:
+        found = best(srs, _listable(priorities, setting, targets).target, posture)
+        return None if found is None else found.q
+    listed = all_solutions(priorities, setting, engine, targets, posture, seed, posture.q_ref)
+    return listed[0].q if listed else None
+
+
+def _listable(priorities: Priorities, setting: Setting, targets: Targets) -> PoseTask:
+    """The one task, with its target. Raises `OptionError` for others, and for further limits."""
+    robot, task = priorities.robot, priorities.first[0]
+    only = len(priorities.first) == 1 and isinstance(task, PoseTask) and not priorities.below
+    if not only or priorities.frames != (robot.tip,) or not task.kept.all() or setting.further:
+        raise OptionError("solutions are those of one PoseTask() of the tip within the joint limits")
+    return task.toward(targets)  # type: ignore[return-value]
+
+
+def _listed(
+    task: PoseTask, objective: Objective, at: Configuration, arc: Arc | None = None, psi: float | None = None
+) -> ListedSolution:
+    position, orientation = task.residual(at)
+    return ListedSolution(at.q.copy(), objective.cost(at), position, orientation, arc, psi)
+
+
+@dataclass(frozen=True)
+class Enumeration:
+    """The solutions of an arm that is not S-R-S."""
+
+    task: PoseTask
+    """With its target"""
+    objective: Objective
+    """What they are ranked by, made for the robot"""
+    setting: Setting
+    engine: Compiled
+    """With the objective as its redundancy, if the kernels know it"""
+
+    @cached_property
+    def is_isolated(self) -> bool:
+        """At most six joints move."""
+        robot = self.setting.robot
+        return int(np.count_nonzero(robot.lower < robot.upper)) <= ISOLATED
+
+    @cached_property
+    def turns(self) -> WholeTurns:
+        """Counted to stay near the posture that is preferred, or the middle of the limits."""
+        robot, objective = self.setting.robot, self.objective
+        return WholeTurns.of(robot, objective.q_ref if isinstance(objective, Posture) else robot.middle)
+
+    @cached_property
+    def _row(self) -> np.ndarray:
+        """The target (12,)."""
+        return row_of(self.task.target)
+
+    def by_branches(self, decomposition: Decomposition) -> Solutions:
+        """From the branches of a closed form."""
+        branches = decomposition.branches(self.task.target.homogeneous)
+        q, reached = self._descended(self.engine, self.turns.within(branches, ROUNDED))
+        distinct = new_among(q[reached], q[:0], self.turns.apart, APART)
+        q, robot = q[reached][distinct], self.setting.robot
+        certain = all(self._is_certain(robot.at(each)) for each in (*branches, *q))
+        return self._ranked(q, "closed form (EAIK)", certain)
+
+    def by_multi_start(self, seed: np.ndarray, start: np.ndarray | None = None) -> Solutions:
+        """From descents that begin at random configurations, after a given one (n,)."""
+        robot, turns = self.setting.robot, self.turns
+        lower, upper = robot.drawn_range
+        rng = np.random.default_rng(int(streams(self._row[None], seed)[0]))
+        engine = self.engine if self.engine.settles else self.engine.preferring(Strict(Posture().of(robot)))
+        free = engine.without_limits(turns.everywhere)
+
+        def draw(count: int) -> np.ndarray:
+            share = rng.random((count, robot.n))
+            return np.clip((1 - share) * lower + share * upper, lower, upper)
+
+        def arrivals(starts: np.ndarray) -> np.ndarray:
+            q, reached = self._descended(free, starts)
+            q[~reached] = np.nan
+            q[reached] = turns.within(q[reached])
+            if not self.is_isolated:
+                ends, optimal = engine.settled(self._row, q[reached])
+                q[reached] = np.where(optimal[:, None], ends, np.nan)
+            return q
+
+        first = draw(0) if start is None else robot.clip(turns.unwound(start))[None]
+        resolution = APART if self.is_isolated else SETTLED_APART
+        found = multi_start(arrivals, draw, turns.apart, resolution, first)
+        q = found.q if self.is_isolated or self.engine.settles else self._settled(found.q)
+        return self._ranked(q, "numerical", False, found.starts, found.without_new)
+
+    def _descended(self, engine: Compiled, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where descents from starts (N, n) end, (N, n), and whether they reach the pose (N,): then exactly, if any."""
+        q, outcome = engine.descend(self._row, starts)
+        reached = self._is_reached(outcome)
+        q[reached], outcome[reached] = engine.exact().descend(self._row, q[reached])
+        return q, self._is_reached(outcome)
+
+    def _is_reached(self, outcome: np.ndarray) -> np.ndarray:
+        """Whether descents with outcomes (N, 7) ended within the tolerances (N,)."""
+        options, errors = self.setting.options, outcome[:, [POSITION_ERROR, ORIENTATION_ERROR]]
+        return np.all(errors <= [options.position_tolerance, options.orientation_tolerance], axis=1)
+
+    def _settled(self, q: np.ndarray) -> np.ndarray:
+        """The distinct optima (m, n) of the objective along the self-motions through q (k, n)."""
+        cost, wish, robot = TaskCost((self.task,)), Strict(self.objective), self.setting.robot
+        ends = [settle(wish, cost, robot.at(each), self.setting, Budget(None), self._holds).at.q for each in q]
+        settled = np.reshape(ends, q.shape)
+        return settled[new_among(settled, q[:0], self.turns.apart, SETTLED_APART)]
+
+    def _holds(self, at: Configuration) -> bool:
+        return bool(self._is_reached(np.array([self.task.residual(at)]))[0])
+
+    def _is_certain(self, branch: Configuration) -> bool:
+        """Whether a branch is clearly a solution and the only one around, or clearly none."""
+        error = max(self.task.residual(branch))
+        values = np.linalg.svd(branch.jacobian(None), compute_uv=False)
+        return error > MISSES or bool(error < MEETS and values[-1] > REGULAR * values[0])
+
+    def _ranked(
+        self, q: np.ndarray, method: str, is_complete: bool, starts: int = 0, starts_without_new: int = 0
+    ) -> Solutions:
+        """The list of solutions q (k, n), the whole turns of isolated ones added."""
+        robot = self.setting.robot
+        if self.is_isolated:
+            q, all_of_them = self.turns.all_within(q, MOST)
+            is_complete = is_complete and all_of_them
+        listed = [_listed(self.task, self.objective, robot.at(each)) for each in q]
+        ranked = tuple(sorted(listed, key=lambda one: one.cost))
+        return Solutions(ranked, method, is_complete, starts, starts_without_new)

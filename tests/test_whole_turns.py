@@ -1,0 +1,81 @@
+"""Angles that differ by whole turns, against all turns tried one by one."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from conftest import random_table
+
+import maira_qp as mq
+from maira_qp.robots.whole_turns import WholeTurns
+
+PI = np.pi
+
+
+def turned(robot, turns, q, most=3):
+    """All configurations that are q but for up to so many turns a joint, and within the limits: one by one."""
+    shifts = [range(-most, most + 1) if revolute else [0] for revolute in turns.revolute]
+    every = np.array([q + 2 * PI * np.array(shift) for shift in product(*shifts)])
+    return every[((robot.lower <= every) & (every <= robot.upper)).all(axis=1)]
+
+
+@pytest.fixture
+def robot():
+    """A joint of more than two turns, one of less than a turn away from zero, a sliding one, a narrow one."""
+    limits = [(-7.0, 7.5), (4.0, 9.0), (0.0, 20.0), (-1.0, 1.0)]
+    kinds = ["revolute", "revolute", "prismatic", "revolute"]
+    links = [
+        mq.DHLink(kind=kind, a=0.3, alpha=0.5, lower=lower, upper=upper)
+        for kind, (lower, upper) in zip(kinds, limits, strict=True)
+    ]
+    return mq.Robot.from_dh(links)
+
+
+def test_all_turns_are_those_that_fit(robot, rng):
+    turns = WholeTurns.of(robot, robot.middle)
+    assert turns.revolute.tolist() == [True, True, False, True]
+    assert turns.everywhere.tolist() == [True, False, False, False]
+    for _ in range(30):
+        q = robot.random_configuration(rng)
+        wound = q + 2 * PI * np.array([5, -3, 0, 2])
+        found, complete = turns.all_within(wound[None], 100)
+        np.testing.assert_allclose(np.sort(found, axis=0), np.sort(turned(robot, turns, q), axis=0), atol=1e-12)
+        assert complete
+        assert turns.apart(q, found).max() < 1e-12
+        np.testing.assert_allclose(turns.within(wound[None])[0, 0] % (2 * PI), q[0] % (2 * PI), atol=1e-12)
+
+
+def test_the_nearest_turns_are_kept_where_there_are_too_many(robot, rng):
+    turns = WholeTurns.of(robot, np.array([6.0, 8.0, 3.0, 0.0]))
+    q = np.array([0.5, 8.0, 3.0, 0.2])
+    found, complete = turns.all_within(q[None], 1)
+    np.testing.assert_allclose(found, [[0.5 + 2 * PI, 8.0, 3.0, 0.2]])
+    assert not complete
+    np.testing.assert_array_equal(turns.within(q[None]), found)
+
+
+def test_what_no_turn_brings_within_the_limits_is_left_out(robot):
+    turns = WholeTurns.of(robot, robot.middle)
+    inside, outside = np.array([0.0, 5.0, 3.0, 0.0]), np.array([0.0, 5.0, 3.0, 1.2])
+    sliding = np.array([0.0, 5.0, 3.0 + 20.0, 0.0])
+    np.testing.assert_array_equal(turns.within(np.array([inside, outside, sliding])), [inside])
+    assert turns.within(outside[None], slack=0.3).tolist() == [[0.0, 5.0, 3.0, 1.0]]
+    assert len(turns.all_within(np.array([outside]), 10)[0]) == 0
+
+
+def test_a_continuous_joint_comes_nearest_to_the_reference(pr2_arm, rng):
+    reference = np.where(np.isinf(pr2_arm.upper), 40.0, pr2_arm.middle)
+    turns, q = WholeTurns.of(pr2_arm, reference), pr2_arm.random_configuration(rng)
+    found, complete = turns.all_within(q[None], 100)
+    assert complete
+    assert np.abs(found - reference)[:, np.isinf(pr2_arm.upper)].max() <= PI + 1e-9
+    assert np.abs(turns.unwound(found[0])[np.isinf(pr2_arm.upper)]).max() <= PI
+
+
+def test_turns_change_no_pose(rng):
+    for _ in range(10):
+        robot = mq.Robot.from_dh(random_table(rng, 5))
+        turns, q = WholeTurns.of(robot, robot.middle), robot.random_configuration(rng)
+        wound = q + 2 * PI * turns.revolute * rng.integers(-2, 3, 5)
+        assert np.abs(mq.pose_error(robot.forward(wound), robot.forward(q))).max() < 1e-12
+        assert turns.apart(q, turns.within(wound[None])).max() < 1e-12
