@@ -226,8 +226,9 @@ def pull_of_logarithm(phi: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.nd
 
     `u - 1/2 phi x u + k phi x (phi x u)`; phi (3,) is a rotation vector [rad], u (3,).
     """
-    angle, across = float(np.linalg.norm(phi)), np.cross(phi, u)
-    k, twice = _flattening(angle), np.cross(phi, across)
+    angle, K = math.hypot(*phi.tolist()), skew(phi)
+    k, across = _flattening(angle), K @ u
+    twice = K @ across
     G = 0.5 * skew(u) + k * ((phi @ u) * np.eye(3) + np.outer(phi, u) - 2 * np.outer(u, phi))
     return u - 0.5 * across + k * twice, G + _flattening_slope(angle) * np.outer(twice, phi)
 
