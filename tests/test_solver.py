@@ -301,6 +301,8 @@ def test_a_batch_is_its_targets_one_by_one_whatever_the_order_or_the_split(maira
     for i in (0, 5, 11):
         alone = solver.solve(targets[i], rng=7)
         for f in fields(mq.Solution):
+            if f.name.startswith("_"):
+                continue
             values = getattr(batch[i], f.name), getattr(alone, f.name)
             if f.name.endswith("_error"):  # evaluated by the kernel and by Pinocchio
                 assert values[0] == pytest.approx(values[1], abs=1e-14)
@@ -320,7 +322,7 @@ def test_no_answer_depends_on_the_number_of_threads(maira, rng):
     one, three = (mq.Solver(maira).solve_batch(targets, threads=threads) for threads in (1, 3))
     assert one.success.all()
     for name in (
-        *(f.name for f in fields(mq.BatchSolution) if f.name != "_setting"),
+        *(f.name for f in fields(mq.BatchSolution) if not f.name.startswith("_")),
         "condition_number",
         "active_limits",
     ):
