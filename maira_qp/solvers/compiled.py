@@ -230,7 +230,9 @@ class Compiled:
         if self.settles:
             self._settle(rows, q, after)
         if len(short):
-            reference, weights = (own[2 : 2 + n], own[2 + n :]) if self.settles else (np.full(n, np.nan), np.zeros(n))
+            reference, weights = np.full(n, np.nan), np.zeros(n)
+            if own is not None and self.settles:
+                reference, weights = own[2 : 2 + n], own[2 + n :]
             near, end = q[short], np.empty((len(short), SETTLED))
             tolerance, most = constants[STATIONARITY_TOLERANCE], int(constants[MAX_SETTLING])
             nearest_points(self.chain, self.settings, rows[short], reference, weights, tolerance, most, near, end)
