@@ -184,14 +184,15 @@ class Enumeration:
 
     def _descended(self, engine: Compiled, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where descents from starts (N, n) end, (N, n), and whether they reach the pose (N,): then exactly, if any."""
+        errors = [POSITION_ERROR, ORIENTATION_ERROR]
         q, outcome = engine.descend(self._row, starts)
-        reached = self._is_reached(outcome)
+        reached = self._is_reached(outcome[:, errors])
         q[reached], outcome[reached] = engine.exact().descend(self._row, q[reached])
-        return q, self._is_reached(outcome)
+        return q, self._is_reached(outcome[:, errors])
 
-    def _is_reached(self, outcome: np.ndarray) -> np.ndarray:
-        """Whether descents with outcomes (N, 7) ended within the tolerances (N,)."""
-        options, errors = self.setting.options, outcome[:, [POSITION_ERROR, ORIENTATION_ERROR]]
+    def _is_reached(self, errors: np.ndarray) -> np.ndarray:
+        """Whether errors (N, 2) [m, rad] are within the tolerances (N,)."""
+        options = self.setting.options
         return np.all(errors <= [options.position_tolerance, options.orientation_tolerance], axis=1)
 
     def _settled(self, q: np.ndarray) -> np.ndarray:

@@ -178,6 +178,12 @@ class Solver:
         if prefer is not None or metric is not None:
             check_preference(prefer, q0, self.redundancy, observe)
             return self._closest(self._priorities.targets(target), posture_at(q0, metric, self.robot), seed)
+        return self._answer(target, q0, seed, observe)
+
+    def _answer(
+        self, target: Any, q0: Any, seed: np.ndarray, observe: Callable[[np.ndarray], object] | None = None
+    ) -> Solution:
+        """A solve by the engine that takes it."""
         start = q0 if q0 is None or is_native(q0, (self.robot.n,)) else self._start(q0)
         engine = self._search_engine
         if engine is None or observe is not None or self.options.deadline is not None:
@@ -308,7 +314,7 @@ class Solver:
 
         q = nearest_solution(self._priorities, self._setting, self._compiled, targets, posture, seed)
         if q is None:
-            return self._solve(targets, posture.q_ref, seed)
+            return self._answer(targets, posture.q_ref, seed)
         wish, settling = Strict(posture), copy(self)
         settling._priorities = replace(self._priorities, redundancy=wish)
         settling._compiled = None if self._compiled is None else self._compiled.preferring(wish)
