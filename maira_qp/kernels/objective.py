@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from maira_qp.kernels.compilation import bare_kernel
+from maira_qp.kernels.lanes import full, load
 
 
 @bare_kernel
 def objective_cost(q, reference, weights):
     """The value at q (n,)."""
-    s = 0.0
+    s = full(q, 0.0)
     for i in range(len(q)):
-        d = q[i] - reference[i]
-        s += weights[i] * d * d
+        d = load(q, i) - reference[i]
+        s = s + weights[i] * d * d
     return 0.5 * s

@@ -6,13 +6,15 @@ import math
 
 from maira_qp.kernels.compilation import bare_kernel
 from maira_qp.kernels.descent import ORIENTATION_WEIGHT, POSITION_WEIGHT, quadratic_model
+from maira_qp.kernels.lanes import load, load2, store, store2
 
 
 @bare_kernel
 def weigh(settings, x, y):
     """`y = W x`, both (6,)."""
     for row in range(3):
-        y[row], y[row + 3] = settings[POSITION_WEIGHT] * x[row], settings[ORIENTATION_WEIGHT] * x[row + 3]
+        store(y, row, settings[POSITION_WEIGHT] * load(x, row))
+        store(y, row + 3, settings[ORIENTATION_WEIGHT] * load(x, row + 3))
 
 
 @bare_kernel
@@ -34,18 +36,19 @@ def add_curvature(J, weights, H):
     The compiled form of `Configuration.kinematic_hessian_product`: for i before j the entry is
     `w_i . (v_j x u_p + 1/2 w_j x u_phi)`, with the columns [v; w] of the Jacobian and the weights [u_p; u_phi].
     """
-    p0, p1, p2 = weights[0], weights[1], weights[2]
-    r0, r1, r2 = 0.5 * weights[3], 0.5 * weights[4], 0.5 * weights[5]
+    p0, p1, p2 = load(weights, 0), load(weights, 1), load(weights, 2)
+    r0, r1, r2 = 0.5 * load(weights, 3), 0.5 * load(weights, 4), 0.5 * load(weights, 5)
     for j in range(len(J)):
-        v0, v1, v2, w0, w1, w2 = J[j, 0], J[j, 1], J[j, 2], J[j, 3], J[j, 4], J[j, 5]
+        v0, v1, v2 = load2(J, j, 0), load2(J, j, 1), load2(J, j, 2)
+        w0, w1, w2 = load2(J, j, 3), load2(J, j, 4), load2(J, j, 5)
         x = v1 * p2 - v2 * p1 + w1 * r2 - w2 * r1
         y = v2 * p0 - v0 * p2 + w2 * r0 - w0 * r2
         z = v0 * p1 - v1 * p0 + w0 * r1 - w1 * r0
         for i in range(j):
-            h = J[i, 3] * x + J[i, 4] * y + J[i, 5] * z
-            H[i, j] += h
-            H[j, i] += h
-        H[j, j] += w0 * x + w1 * y + w2 * z
+            h = load2(H, i, j) + (load2(J, i, 3) * x + load2(J, i, 4) * y + load2(J, i, 5) * z)
+            store2(H, i, j, h)
+            store2(H, j, i, h)
+        store2(H, j, j, load2(H, j, j) + (w0 * x + w1 * y + w2 * z))
 
 
 @bare_kernel

@@ -1,10 +1,13 @@
 """Settle the redundancy once the pose is reached: the compiled form of `maira_qp.solvers.settling`.
 
-For one objective `1/2 sum_i w_i (q_i - ref_i)^2` (`Posture`, `LimitDistance`). The walk is the same, and is explained
-there: a Newton step in the null space of the pose, with the Lagrangian's Hessian, inside the limits and a trust region;
-back onto the pose; the step counts if the objective fell. It differs in two things. On the way a step brings the arm
-back only so far that what is left is within the tolerances, and small against the step's own error, and all the way at
-the end. And where the Hessian is indefinite and limits hold the arm, the step is one within these limits.
+For one objective `1/2 sum_i w_i (q_i - ref_i)^2` (`Posture`, `LimitDistance`). Nearly all targets are first brought to
+their optimum by `lane_walk`, eight at a time. The walk here, which is that of `maira_qp.solvers.settling` and explained
+there, looks at each of them alone: where one is settled it says so by its projected gradient, and the others it takes
+from where the search left them: a Newton step in the null space of the pose, with the Lagrangian's Hessian, inside the
+limits and a trust region; back onto the pose; the step counts if the objective fell. It differs in two things. On the
+way a step brings the arm back only so far that what is left is within the tolerances, and small against the step's own
+error, and all the way at the end. And where the Hessian is indefinite and limits hold the arm, the step is one within
+these limits.
 """
 
 from __future__ import annotations
@@ -22,6 +25,18 @@ from maira_qp.kernels.descent import (
     pose_cost,
     squares,
 )
+from maira_qp.kernels.lane_walk import (
+    FIRST_RADIUS,
+    LEAST_RADIUS,
+    MAX_SETTLING,
+    RESOLUTION,
+    RESTORED,
+    RESTORING,
+    STATIONARITY_TOLERANCE,
+    make_walks,
+    walk_in_lanes,
+)
+from maira_qp.kernels.lanes import LANES
 from maira_qp.kernels.null_space import balance, null_basis, reduce
 from maira_qp.kernels.objective import objective_cost
 from maira_qp.kernels.pose_hessian import add_curvature, weigh
@@ -30,11 +45,6 @@ from maira_qp.kernels.restoration import factor_rows, restore
 from maira_qp.kernels.row_qp import solve_row_qp
 from maira_qp.kernels.trade_off import GRADIENT_SCALE, trade_off
 from maira_qp.kernels.workspace import make_workspace
-
-# the entries of `settling`
-MAX_SETTLING, STATIONARITY_TOLERANCE = 0, 1
-FIRST_RADIUS, LEAST_RADIUS, RESTORING, RESTORED, RESOLUTION = 2, 3, 4, 5, 6
-SETTLING = 7
 
 # the entries of `outcome`
 REACHED, ITERATIONS, PROJECTED_GRADIENT, OBJECTIVE, POSITION_ERROR, ORIENTATION_ERROR = 0, 1, 2, 3, 4, 5
@@ -58,18 +68,21 @@ def settle(chain, settings, targets, reference, weights, weight, settling, q, ou
     [reached, iterations, projected gradient, objective, position error, orientation error], by a fresh evaluation of q;
     where q does not reach the pose to begin with, it is left as it is, with an infinite gradient.
     """
-    work = make_workspace(q.shape[1])
+    work, walks, lane_of = make_workspace(q.shape[1]), make_walks(q.shape[1]), np.empty(LANES, np.int64)
+    steps = np.empty(len(q), np.int64)
+    walk_in_lanes(chain, settings, targets, reference, weights, settling, walks, lane_of, q, steps)
     for k in range(len(q)):
-        spent, left = 0, np.inf
-        pose_cost(chain, settings, targets[k], q[k], work.axes, work.origins, work.tool, work.e)
+        spent, left = steps[k], np.inf
+        cost = pose_cost(chain, settings, targets[k], q[k], work.axes, work.origins, work.tool, work.e)
         if is_reached(settings, work.e):
-            spent, left = walk(chain, settings, targets[k], reference, weights, settling, work, q[k])
+            more, left = walk(chain, settings, targets[k], reference, weights, settling, cost, work, q[k])
+            spent += more
             if weight != 0.0:
                 tolerance, most = settling[STATIONARITY_TOLERANCE] * min(1.0, weight), settling[MAX_SETTLING]
-                steps, left = trade_off(
+                more, left = trade_off(
                     chain, settings, targets[k], reference, weights, weight, tolerance, most, work, q[k]
                 )
-                spent += steps
+                spent += more
         position, orientation = squares(work.e)
         outcome[k, REACHED], outcome[k, ITERATIONS] = is_reached(settings, work.e), spent
         outcome[k, PROJECTED_GRADIENT], outcome[k, OBJECTIVE] = left, objective_cost(q[k], reference, weights)
@@ -78,8 +91,8 @@ def settle(chain, settings, targets, reference, weights, weight, settling, q, ou
 
 
 @bare_kernel
-def walk(chain, settings, target, reference, weights, settling, work, q):
-    """Along the self-motion from q (n,), in place, to where the objective is stationary.
+def walk(chain, settings, target, reference, weights, settling, cost, work, q):
+    """Along the self-motion from q (n,), whose pose costs `cost`, in place, to where the objective is stationary.
 
     `work` holds the kinematics of q before and after. Returns the iterations spent and the projected gradient.
     """
@@ -89,7 +102,6 @@ def walk(chain, settings, target, reference, weights, settling, work, q):
     for i in range(n):
         safe[i] = q[i]
         locked[i] = not chain[i, LOWER] < chain[i, UPPER]
-    cost = pose_cost(chain, settings, target, q, axes, origins, tool, e)
     value, radius, spent = objective_cost(q, reference, weights), settling[FIRST_RADIUS], 0
     arrived, refused = cost <= restored, False
     k, left = _projected_gradient(chain, settings, reference, weights, work, q)

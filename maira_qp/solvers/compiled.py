@@ -93,7 +93,7 @@ class Compiled:
     redundancy: np.ndarray | None
     """(2 + 2 n,) kind, weight, reference and weights of a posture; None: another wish"""
     settling: np.ndarray
-    """(7,) see `maira_qp.kernels.settling`"""
+    """(7,) see `maira_qp.kernels.lane_walk`"""
     proofs: Proofs
 
     @staticmethod
