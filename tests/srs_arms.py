@@ -1,5 +1,6 @@
 """What the tests of the compiled closed form share: S-R-S arms, poses for them, and their kernels."""
 
+from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
@@ -16,8 +17,9 @@ from maira_qp.kernels.verdict import verdicts
 from maira_qp.robots.srs import SRS
 from maira_qp.robots.srs_array import srs_array
 
-ARMS = ["maira", "iiwa14", "urdf", *LIMITS]
-"""Arms of the catalog, of a URDF, and at random: axes that are not at right angles, and limits of all kinds."""
+ARMS = ["maira", "iiwa14", "urdf", "no tool", *LIMITS]
+"""Arms of the catalog, of a URDF, with the tip in the wrist, and at random: axes that are not at right angles, and
+limits of all kinds."""
 
 
 class Arm(NamedTuple):
@@ -33,6 +35,10 @@ def srs_arm(name: str) -> Arm:
     """One of `ARMS`."""
     pin.seed(ARMS.index(name))
     rng = np.random.default_rng(ARMS.index(name))
+    if name == "no tool":
+        links = list(mq.Robot.iiwa14().dh.links)
+        narrow = mq.Robot.from_dh([*links[:-1], replace(links[-1], d=0.0)])
+        return prepared(narrow.limited(lower={"joint5": -1.0, "joint6": 0.3}, upper={"joint5": 0.8, "joint7": 0.5}))
     known = {"maira": mq.Robot.maira, "iiwa14": mq.Robot.iiwa14, "urdf": iiwa14_without_offset}
     return prepared(known[name]() if name in known else random_arm(rng, LIMITS[name]))
 

@@ -1,0 +1,117 @@
+"""Proofs of unreachable poses against the solver: `python benchmarks/verdicts.py --targets 100000`.
+
+Targets are poses of random configurations with some joints on their limits, each moved by 1e-6 to 1 m and rad, and
+poses of any orientation around the arm. What is proved to be out of reach the solver must never reach; how many of the
+others it does not reach either shows how few are left open. One thread.
+"""
+
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.table import Table
+from scipy.spatial.transform import Rotation
+
+import maira_qp as mq
+from maira_qp.kernels.blocked import FLOATS, INTEGERS, PIECES
+from maira_qp.kernels.closed_form import starts
+from maira_qp.kernels.verdict import POSSIBLE, verdicts
+from maira_qp.robots.srs import SRS
+from maira_qp.robots.srs_array import srs_array
+
+VERDICTS = ("possible", "too far", "too near", "elbow", "swivel")
+ARMS = {"maira": mq.Robot.maira, "iiwa14": mq.Robot.iiwa14}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """What to compare."""
+
+    targets: int = 100_000
+    """Targets an arm; a tenth of them anywhere, the others near what the arm reaches."""
+    restarts: int = 20
+    """Of the solver, a target."""
+    seed: int = 0
+    """Seed of the targets."""
+
+
+def main(settings: Settings) -> None:
+    """One row an arm."""
+    options = mq.Options(max_restarts=settings.restarts)
+    table = Table(
+        "arm", "targets", *VERDICTS, "proved, solved", "open, not solved", "start, wrong", "us verdict", "us start"
+    )
+    for name, make in ARMS.items():
+        robot, rng = make(), np.random.default_rng(settings.seed)
+        poses = near_poses(robot, rng, settings.targets)
+        rows = np.hstack([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]])
+        codes, us_verdict = judged(robot, rows, options)
+        found, wrong, us_start = started(robot, rows, poses, rng)
+        solved = mq.Solver(robot, options=options).solve_batch(poses, threads=1).success
+        proved = codes != POSSIBLE
+        counts = np.bincount(codes, minlength=len(VERDICTS))
+        left = int((~proved & ~solved & ~found).sum())
+        figures = (int((proved & (solved | found)).sum()), left, wrong, f"{us_verdict:.2f}", f"{us_start:.2f}")
+        table.add_row(name, str(len(rows)), *map(str, counts), *map(str, figures))
+    Console(width=150).print(table)
+
+
+def near_poses(robot: mq.Robot, rng: np.random.Generator, count: int) -> np.ndarray:
+    """Poses (count, 4, 4): of configurations with joints on limits, moved; and, one in ten, anywhere."""
+    lower, upper = robot.drawn_range
+    q = rng.uniform(lower, upper, (count, robot.n))
+    on_limit = rng.random(q.shape) < rng.choice([0.0, 0.3, 0.6], (count, 1))
+    q = np.where(on_limit, np.where(rng.random(q.shape) < 0.5, lower, upper), q)
+    poses = np.array([robot.at(each).placement(None).homogeneous for each in q])
+    size = 10.0 ** rng.uniform(-6, 0, (count, 1))
+    poses[:, :3, 3] += size * rng.normal(size=(count, 3)) / np.sqrt(3)
+    turn = Rotation.from_rotvec(size * rng.normal(size=(count, 3)) / np.sqrt(3)).as_matrix()
+    poses[:, :3, :3] = turn @ poses[:, :3, :3]
+    anywhere = np.arange(count) % 10 == 0
+    poses[anywhere, :3, :3] = Rotation.random(int(anywhere.sum()), rng=rng).as_matrix()
+    poses[anywhere, :3, 3] = robot.length * rng.uniform(-1, 1, (int(anywhere.sum()), 3))
+    return poses
+
+
+def judged(robot: mq.Robot, rows: np.ndarray, options: mq.Options) -> tuple[np.ndarray, float]:
+    """Verdicts (N,), and how long one took [us]."""
+    arm, codes, pieces = srs_array(known(robot)), np.empty(len(rows), np.int64), np.empty((8, PIECES, 3))
+    tolerances, memory = (options.position_tolerance, options.orientation_tolerance), (np.empty(FLOATS), integers())
+    verdicts(arm, rows[:1], *tolerances, *memory, pieces, codes[:1])
+    begin = perf_counter()
+    verdicts(arm, rows, *tolerances, *memory, pieces, codes)
+    return codes, 1e6 * (perf_counter() - begin) / len(rows)
+
+
+def started(
+    robot: mq.Robot, rows: np.ndarray, poses: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, int, float]:
+    """Which targets have a start (N,), how many of 10,000 of them miss the pose by 1e-9, and the time of one [us]."""
+    arm, q, found = srs_array(known(robot)), np.empty((len(rows), robot.n)), np.empty(len(rows), bool)
+    memory = np.empty(FLOATS), integers()
+    starts(arm, rows[:1], 0.0, *memory, q[:1], found[:1])
+    begin = perf_counter()
+    starts(arm, rows, 0.0, *memory, q, found)
+    us = 1e6 * (perf_counter() - begin) / len(rows)
+    some = rng.permutation(np.flatnonzero(found))[:10_000]
+    inside = ((robot.lower <= q) & (q <= robot.upper)).all(axis=1)
+    errors = np.array([np.abs(robot.at(q[k]).placement(None).homogeneous - poses[k]).max() for k in some])
+    return found, int((errors > 1e-9).sum() + (found & ~inside).sum()), us
+
+
+def known(robot: mq.Robot) -> SRS:
+    """The geometry of an S-R-S arm."""
+    srs = SRS.of(robot)
+    assert srs is not None
+    return srs
+
+
+def integers() -> np.ndarray:
+    """Memory for the kernels."""
+    return np.empty(INTEGERS, np.int64)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Settings))
