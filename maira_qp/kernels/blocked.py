@@ -11,10 +11,12 @@ branches. On the way from R to R', which leads at most 2 eta deep into the hole,
 point with |f| <= 2 eta, since f is then the cosine of an angle that is off by the depth. Hence |f| > 3 eta excludes
 that as well, and what is blocked by a limit borders on what is blocked by the hole.
 
-*Singularities.* Within eta of R c along a, the first and the last joint may be anywhere.
+*Singularities.* Within eta of R c along a, the first and the last joint may be anywhere. But there is a hole that is
+deeper than 2 eta, or else |f| <= 3 eta for all of their limits: it is the cosine of an angle that is off by the depth
+and eta.
 
-So the circle is cut into *critical* arcs, where |f| <= 3 eta, or there is a hole or a singularity, and the cells in
-between, in which nothing changes: one look at the middle of a cell tells. An arc is (lower, upper), with lower in
+So the circle is cut into *critical* arcs, where |f| <= 3 eta, or there is a hole, and the cells in between, in which
+nothing changes: one look at the middle of a cell tells. An arc is (lower, upper), with lower in
 [-pi, pi), and upper >= lower, which may be beyond pi.
 """
 
@@ -62,7 +64,7 @@ _TAU, _JOINT, _CRITICAL = 2, 3, 4
 _BOTH, _ALL = 0.0, -1.0
 _BAND = 3.0
 _HOLE = 1e-5
-"""Holes smaller than this [rad] are not used: their edge is lost in rounding."""
+"""Holes smaller than this [rad] block nothing: their edge is lost in rounding."""
 
 
 class Work(NamedTuple):
@@ -119,19 +121,18 @@ def _block(joint, circles, part, eta, critical, arcs, lengths):
 
 @bare_kernel
 def _holes(joint, circles, part, eta, critical, arcs, lengths):
-    """Critical arcs around singularities and holes; those of holes are blocked as well. Returns how many."""
+    """Critical arcs in holes, which are blocked as well. Returns how many."""
     count = 0
     lengths[0], lengths[1] = 0, 0
     constant, amplitude, apex = _polar(circles[part, Z], circles[part, Z + 1], circles[part, Z + 2])
     for end in range(2):
         sign = 1.0 - 2.0 * end
         depth = np.pi - joint[FARTHEST] if end == 1 else joint[NEAREST]
-        missing = depth > max(2.0 * eta, _HOLE)
-        edge = np.cos(depth - eta if missing else max(depth - eta, eta))
-        if sign * constant + amplitude > edge:
+        edge = np.cos(depth - eta)
+        if depth > 2.0 * eta and sign * constant + amplitude > edge:
             half = np.arccos(max((edge - sign * constant) / amplitude, -1.0))
             count = _add(critical, count, apex + np.pi * end, half, _BOTH, _ALL)
-            if missing:
+            if depth > _HOLE:
                 for branch in range(2):
                     arcs[branch, lengths[branch], LOWER] = critical[count - 1, LOWER]
                     arcs[branch, lengths[branch], UPPER] = critical[count - 1, UPPER]
