@@ -6,7 +6,7 @@ from srs_arms import ARMS, Arm, anywhere, codes_of, prepared, srs_arm
 
 import maira_qp as mq
 from maira_qp.robots.srs import BRANCHES
-from maira_qp.robots.unreachable import Proof, Reason, proof
+from maira_qp.robots.unreachable import Reason, SwivelProof, swivel_proof
 
 TOLERANCE = {"position_tolerance": 1e-6, "orientation_tolerance": 1e-6}
 
@@ -18,7 +18,7 @@ def is_outside(robot: mq.Robot, joint: int, angle: np.ndarray) -> np.ndarray:
     return ~((robot.lower[joint] <= candidates) & (candidates <= robot.upper[joint])).any(axis=1)
 
 
-def check(arm: Arm, T: np.ndarray, found: Proof) -> None:
+def check(arm: Arm, T: np.ndarray, found: SwivelProof) -> None:
     """All that a proof claims, by other means than those that found it."""
     if found.reason in (Reason.TOO_FAR, Reason.TOO_NEAR):
         beyond = found.distance - found.reach[1], found.reach[0] - found.distance
@@ -51,7 +51,7 @@ def test_a_proof_holds_what_it_claims(rng, name):
     poses = anywhere(arm, rng, 200)
     codes = codes_of(arm, poses)
     for T in [*poses[codes > 3][:5], *poses[codes == 3][:2], *poses[(codes == 1) | (codes == 2)][:2]]:
-        found = proof(arm.srs, T, **TOLERANCE)
+        found = swivel_proof(arm.srs, T, **TOLERANCE)
         assert found is not None
         check(arm, T, found)
 
@@ -59,7 +59,7 @@ def test_a_proof_holds_what_it_claims(rng, name):
 def test_there_is_a_proof_where_there_is_a_verdict(rng):
     arm = srs_arm("iiwa14")
     poses = anywhere(arm, rng, 60)
-    found = [proof(arm.srs, T, **TOLERANCE) for T in poses]
+    found = [swivel_proof(arm.srs, T, **TOLERANCE) for T in poses]
     assert [0 if each is None else int(each.reason) for each in found] == codes_of(arm, poses).tolist()
 
 
@@ -69,7 +69,7 @@ def test_the_joints_that_stand_in_the_way_are_named(rng):
     arm, named = prepared(full), set()
     for q in np.array([full.random_configuration(rng) for _ in range(40)]):
         q[2] = -2.0
-        found = proof(arm.srs, full.forward(q), **TOLERANCE)
+        found = swivel_proof(arm.srs, full.forward(q), **TOLERANCE)
         named |= set() if found is None else set(found.limits)
     assert {joint for joint, _ in named} >= {2}
     assert all(limit in ("lower", "upper") for _, limit in named)
@@ -80,7 +80,7 @@ def test_an_elbow_that_cannot_bend_far_enough_is_named():
     robot = mq.Robot.maira()
     q = np.array([0.1, 0.5, -0.3, 2.0, 0.4, 0.6, 0.2])
     arm = prepared(robot.limited(lower={"joint4": -1.5}, upper={"joint4": 1.5}))
-    found = proof(arm.srs, robot.forward(q), **TOLERANCE)
+    found = swivel_proof(arm.srs, robot.forward(q), **TOLERANCE)
     assert found is not None
     assert found.reason == Reason.ELBOW
     assert found.limits == ((3, "lower"), (3, "upper"))
@@ -89,4 +89,4 @@ def test_an_elbow_that_cannot_bend_far_enough_is_named():
 
 def test_a_bad_pose_is_refused(rng):
     with pytest.raises(mq.errors.PoseError, match="target"):
-        proof(srs_arm("maira").srs, np.full((4, 4), np.nan), **TOLERANCE)
+        swivel_proof(srs_arm("maira").srs, np.full((4, 4), np.nan), **TOLERANCE)

@@ -62,7 +62,7 @@ class BlockedBranch:
 
 
 @dataclass(frozen=True, eq=False)
-class Proof:
+class SwivelProof:
     """That neither a pose nor any other within the tolerances of it can be reached."""
 
     reason: Reason
@@ -76,6 +76,21 @@ class Proof:
     """The smallest and largest such distance [m] for any angle of the elbow"""
     branches: tuple[BlockedBranch, ...]
     """All eight, in the order of `BRANCHES`; none where the pose is too far or too near"""
+    joint_names: tuple[str, ...]
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        near, far = self.reach
+        if self.reason in (Reason.TOO_FAR, Reason.TOO_NEAR):
+            bound = f"at most {far:.4g}" if self.reason is Reason.TOO_FAR else f"at least {near:.4g}"
+            return f"the wrist would be {self.distance:.4g} m from the shoulder, where the arm spans {bound} m"
+        if self.reason is Reason.ELBOW:
+            angles = sorted({float(np.degrees(branch.q4)) for branch in self.branches})
+            bends = " or ".join(f"{angle:.4g}" for angle in angles)
+            return f"the elbow, {self.joint_names[3]}, would have to be at {bends} degrees, outside its limits"
+        names = [f"{self.joint_names[joint]} {limit}" for joint, limit in self.limits]
+        return f"wherever the elbow swivels to, a joint is beyond its limits: {', '.join(names)}"
 
     @property
     def limits(self) -> tuple[tuple[int, Limit], ...]:
@@ -83,9 +98,9 @@ class Proof:
         return tuple(sorted({(each.joint, each.limit) for one in self.branches for each in one.intervals}))
 
 
-def proof(
+def swivel_proof(
     srs: SRS, T: np.ndarray | pin.SE3, *, position_tolerance: float, orientation_tolerance: float
-) -> Proof | None:
+) -> SwivelProof | None:
     """The proof that no pose within the tolerances [m, rad] of T (4, 4) can be reached; None where there is none.
 
     Raises `PoseError`.
@@ -106,7 +121,7 @@ def proof(
             for branch, rows in zip(BRANCHES, pieces, strict=True)
         )
     distance = float(np.linalg.norm(wrist - srs.shoulder))
-    return Proof(Reason(code), srs.shoulder, wrist, distance, srs.reach, branches)
+    return SwivelProof(Reason(code), srs.shoulder, wrist, distance, srs.reach, branches, srs.robot.joint_names)
 
 
 def _intervals(rows: np.ndarray) -> list[Blocked]:

@@ -13,7 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from maira_qp.kernels.blocked import FLOATS, INTEGERS, PIECES
 from maira_qp.kernels.chain import LOWER, UPPER
+from maira_qp.kernels.closed_form_search import reach_in_closed_form
 from maira_qp.kernels.descent import (
     LEAST_DAMPING,
     MAX_ITERATIONS,
@@ -66,6 +68,9 @@ EXACT = 1e-12
 
 LEAST_EXACT_DAMPING = 1e-14
 """Its `LEAST_DAMPING`, at the edge of rounding: more would slow it down where singular values are as small."""
+
+NEARING = 1
+"""Restarts toward a target that is proved to be out of reach, for a nearest point."""
 
 # the entries of `Compiled.redundancy`, before 2 n more: the reference and the weights of the posture
 KIND, WEIGHT = 0, 1
@@ -195,22 +200,67 @@ class Compiled:
         outcome: np.ndarray,
     ) -> None:
         """Search for q (N, n) that reach the targets (N, 12), and see whether those that resist are out of reach."""
-        head = min(HEAD, self.last_attempt)
+        last = self.last_attempt
+        if self.proofs.srs is not None and not len(starts):
+            self._reach_in_closed_form(rows, streams, shuffled, q, outcome)
+            if outcome[:, SUCCESS].min() > 0.0:
+                return
+            proved, left = outcome[:, SUCCESS] == PROVED, outcome[:, SUCCESS] == 0.0
+            self._part(rows, starts, streams, shuffled, (0, min(NEARING, last)), np.flatnonzero(proved), q, outcome)
+            self._part(rows, starts, streams, shuffled, (0, last), np.flatnonzero(left), q, outcome)
+            outcome[proved, SUCCESS] = PROVED
+            return
+        head = min(HEAD, last)
         self._search(rows, starts, streams, shuffled, 0, head, q, outcome)
         if outcome[:, SUCCESS].all():
             return
         left = np.flatnonzero((outcome[:, SUCCESS] == 0.0) & np.isfinite(outcome[:, FINAL_COST]))
         proved = self.proofs.unreachable(rows[left])
         outcome[left[proved], SUCCESS] = PROVED
-        left = left[~proved]
-        if len(left) and head < self.last_attempt:
-            more_q, more = np.empty((len(left), self.robot.n)), np.empty((len(left), OUTCOME))
-            starts = starts[left] if len(starts) else starts
-            self._search(rows[left], starts, streams[left], shuffled, head + 1, self.last_attempt, more_q, more)
-            more[:, SPENT] += outcome[left, SPENT]
-            better = (more[:, SUCCESS] > 0.0) | (more[:, FINAL_COST] < outcome[left, FINAL_COST])
-            outcome[left, SPENT], outcome[left, ATTEMPT] = more[:, SPENT], more[:, ATTEMPT]
-            outcome[left[better]], q[left[better]] = more[better], more_q[better]
+        if head < last:
+            before_q, before = q.copy(), outcome.copy()
+            left = left[~proved]
+            self._part(rows, starts, streams, shuffled, (head + 1, last), left, q, outcome)
+            outcome[left, SPENT] += before[left, SPENT]
+            worse = left[(outcome[left, SUCCESS] == 0.0) & (before[left, FINAL_COST] <= outcome[left, FINAL_COST])]
+            before[worse, SPENT], before[worse, ATTEMPT] = outcome[worse, SPENT], outcome[worse, ATTEMPT]
+            q[worse], outcome[worse] = before_q[worse], before[worse]
+
+    def _part(
+        self,
+        rows: np.ndarray,
+        starts: np.ndarray,
+        streams: np.ndarray,
+        shuffled: bool,
+        attempts: tuple[int, int],
+        some: np.ndarray,
+        q: np.ndarray,
+        outcome: np.ndarray,
+    ) -> None:
+        """Make attempts, from a first to a last, at some of the targets."""
+        if len(some):
+            part_q, part = q[some], outcome[some]
+            starts = starts[some] if len(starts) else starts
+            self._search(rows[some], starts, streams[some], shuffled, *attempts, part_q, part)
+            q[some], outcome[some] = part_q, part
+
+    def _reach_in_closed_form(
+        self, rows: np.ndarray, streams: np.ndarray, shuffled: bool, q: np.ndarray, outcome: np.ndarray
+    ) -> None:
+        reach_in_closed_form(
+            self.chain,
+            self.settings,
+            self.proofs.srs,
+            rows,
+            streams,
+            shuffled,
+            np.empty(FLOATS),
+            np.empty(INTEGERS, np.int64),
+            np.empty((8, PIECES, 3)),
+            np.empty((20, 3)),
+            q,
+            outcome,
+        )
 
     def _settle(self, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
         """Settle the redundancy at the configurations q (N, n), in place, that reach the targets (N, 12)."""

@@ -25,7 +25,7 @@ from maira_qp.solvers.setting import Setting
 from maira_qp.solvers.solution import ACTIVE_WITHIN, Solution, Status
 
 if TYPE_CHECKING:
-    from maira_qp.solvers.proofs import BoxProof
+    from maira_qp.solvers.proofs import Proof
 
 OTHERS_COUNT = 1e-3
 """What the motion of joints whose limits hold counts against that of a released one, as it goes no further than it
@@ -72,7 +72,7 @@ class Explanation:
     in the axes of the tool; zero where the task is none of a pose"""
     is_reached_without: bool
     """Without these limits the target would be reached"""
-    proof: BoxProof | None
+    proof: Proof | None
     """What proves `UNREACHABLE`"""
     is_compromise: bool
     """`Weighted` holds the tool off a pose that can be reached"""
@@ -85,7 +85,7 @@ class Explanation:
             "blocked": self.blocked,
             "is_reached_without": self.is_reached_without,
             "is_compromise": self.is_compromise,
-            "proof": None if self.proof is None else self.proof.reason,
+            "proof": None if self.proof is None else self.proof.words,
         }
 
     @property
@@ -194,7 +194,7 @@ def _sentences(why: Explanation) -> Iterator[str]:
     elif why.is_compromise:
         yield f"The target can be reached, but the weight of the posture holds the tool {_off(why)} off it."
     elif why.status is Status.UNREACHABLE:
-        proof = "" if why.proof is None else f": {why.proof.reason}"
+        proof = "" if why.proof is None else f": {why.proof.words}"
         yield f"The target is proved to be out of reach{proof}; the answer is {_off(why)} away."
     elif why.status is Status.NEAREST:
         yield f"The answer is {_off(why)} away from the target, and nothing near it is closer."

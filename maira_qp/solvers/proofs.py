@@ -10,11 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from maira_qp.kernels.blocked import FLOATS, INTEGERS, PIECES
 from maira_qp.kernels.exclusion import JOINT, ORIENTATION, exclude
+from maira_qp.kernels.verdict import POSSIBLE, verdicts
 from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.robots.landmarks import pivots, tool_points
 from maira_qp.robots.robot import Robot
 from maira_qp.robots.serial_chain import chain_of
+from maira_qp.robots.srs import SRS
+from maira_qp.robots.srs_array import srs_array
+from maira_qp.robots.unreachable import SwivelProof, swivel_proof
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.priorities import Priorities, Targets
 from maira_qp.solvers.targets import row_of
@@ -42,12 +47,11 @@ class BoxProof:
     """Points (k, 3) [m] in the axes of the tip"""
     pivots: np.ndarray
     """(p, 2): a joint, and how far along its axis [m] from its origin"""
-
     joint_names: tuple[str, ...]
 
     @property
-    def reason(self) -> str:
-        """In words."""
+    def words(self) -> str:
+        """For people."""
         if len(self.boxes) > 1:
             return f"each of {len(self.boxes)} boxes that together hold all joint values is too far from it"
         point, pivot = self.tests[0]
@@ -56,6 +60,9 @@ class BoxProof:
         if pivot == len(self.pivots):
             return "the tool comes nowhere near it"
         return f"it is too far from {self.joint_names[int(self.pivots[pivot, JOINT])]}, or too near to it"
+
+
+Proof = BoxProof | SwivelProof
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +77,9 @@ class Proofs:
     """(p, 2)"""
     turn: float
     """How far the orientation may be off [rad]; inf: it is free"""
+    srs: np.ndarray | None
+    """(3, 80) see `maira_qp.kernels.swivel`, of an S-R-S arm whose whole pose is wanted"""
+    options: Options
 
     @staticmethod
     def of(priorities: Priorities, options: Options) -> Proofs | None:
@@ -84,22 +94,38 @@ class Proofs:
                 levers = np.linalg.norm(places, axis=1)
                 near = options.position_tolerance + levers * options.orientation_tolerance + ROUNDING * robot.length
                 turn = options.orientation_tolerance + ROUNDING if turned else np.inf
-                return Proofs(robot, chain_of(robot), np.column_stack([places, near]), pivots(robot), turn)
+                srs = SRS.of(robot) if placed and turned else None
+                points = np.column_stack([places, near])
+                arm = None if srs is None else srs_array(srs)
+                return Proofs(robot, chain_of(robot), points, pivots(robot), turn, arm, options)
         return None
 
     def unreachable(self, rows: np.ndarray) -> np.ndarray:
         """Which of the poses (N, 12) are proved to be out of reach, (N,) of bool; the others may be."""
+        if self.srs is not None:
+            return self._verdicts(rows) != POSSIBLE
         return self._excluded(rows, np.empty((0, 2 * self.robot.n + 2))) > 0
 
-    def proof(self, targets: Targets) -> BoxProof | None:
+    def proof(self, targets: Targets) -> Proof | None:
         """Why the target of the tip cannot be reached, if that can be proved."""
-        n, row = self.robot.n, row_of(targets[self.robot.tip])
+        n, target = self.robot.n, targets[self.robot.tip]
+        srs = None if self.srs is None else SRS.of(self.robot)
+        if srs is not None:
+            near, turn = self.options.position_tolerance, self.options.orientation_tolerance
+            return swivel_proof(srs, target, position_tolerance=near, orientation_tolerance=turn)
         boxes = np.empty((MOST_BOXES, 2 * n + 2))
-        (count,) = self._excluded(row[None], boxes)
+        (count,) = self._excluded(row_of(target)[None], boxes)
         if not count:
             return None
         ends, tests = boxes[:count, : 2 * n].reshape(count, 2, n), boxes[:count, 2 * n :].astype(int)
         return BoxProof(ends.copy(), tests, self.points[:, :3], self.pivots, self.robot.joint_names)
+
+    def _verdicts(self, rows: np.ndarray) -> np.ndarray:
+        codes, pieces = np.empty(len(rows), np.int64), np.empty((8, PIECES, 3))
+        floats, integers = np.empty(FLOATS), np.empty(INTEGERS, np.int64)
+        near, turn = self.options.position_tolerance, self.options.orientation_tolerance
+        verdicts(self.srs, rows, near, turn, floats, integers, pieces, codes)
+        return codes
 
     def _excluded(self, rows: np.ndarray, boxes: np.ndarray) -> np.ndarray:
         excluded = np.empty(len(rows), np.int64)

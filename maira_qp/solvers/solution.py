@@ -18,7 +18,7 @@ from maira_qp.solvers.setting import Setting
 
 if TYPE_CHECKING:
     from maira_qp.solvers.explanation import Explanation
-    from maira_qp.solvers.proofs import BoxProof
+    from maira_qp.solvers.proofs import Proof
 
 ACTIVE_WITHIN = 1e-9
 """A limit nearer than this [rad or m] counts as active."""
@@ -105,7 +105,7 @@ class Solution(_OfRobot):
         return active_limits(self._setting, self.q)  # type: ignore[arg-type]
 
     @cached_property
-    def proof(self) -> BoxProof | None:
+    def proof(self) -> Proof | None:
         """What proves that the target is out of reach: for `UNREACHABLE`, else None. A pickle has lost it."""
         if self.status is not Status.UNREACHABLE or self._asked is None:
             return None

@@ -42,7 +42,7 @@ from maira_qp.solvers.tick import keeps_further_limits, tick
 if TYPE_CHECKING:
     from maira_qp.solvers.compiled import Compiled
     from maira_qp.solvers.compiled_tick import CompiledTick
-    from maira_qp.solvers.proofs import BoxProof, Proofs
+    from maira_qp.solvers.proofs import Proof, Proofs
     from maira_qp.solvers.solutions import Solutions
 
 TOGETHER = 30
@@ -443,7 +443,7 @@ class Solver:
 
         return Proofs.of(self._priorities, self.options) if self._compiled is None else self._compiled.proofs
 
-    def _proof(self, targets: Targets) -> BoxProof | None:
+    def _proof(self, targets: Targets) -> Proof | None:
         """That the targets cannot be reached, where it can be proved."""
         return None if self._proofs is None else self._proofs.proof(targets)
 

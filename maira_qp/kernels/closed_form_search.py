@@ -1,0 +1,58 @@
+"""Reach poses with an S-R-S arm in closed form: what goes before the search, and mostly makes it needless."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from maira_qp.kernels.blocked import make_work
+from maira_qp.kernels.closed_form import start
+from maira_qp.kernels.compilation import bare_kernel
+from maira_qp.kernels.descent import (
+    ORIENTATION_TOLERANCE,
+    POSITION_TOLERANCE,
+    is_reached,
+    pose_cost,
+    squares,
+)
+from maira_qp.kernels.search import (
+    ATTEMPT,
+    FINAL_COST,
+    MOVED,
+    ORIENTATION_ERROR,
+    POSITION_ERROR,
+    PROVED,
+    SPENT,
+    SUCCESS,
+)
+from maira_qp.kernels.verdict import POSSIBLE, verdict
+
+TURN = 2.0 * np.pi / 2.0**32
+
+
+@bare_kernel
+def reach_in_closed_form(
+    chain, settings, arm, targets, streams, shuffled, floats, integers, pieces, kinematics, q, outcome
+):
+    """Configurations q (N, 7) that reach `targets` (N, 12), and their outcomes (N, 7) as of `search`.
+
+    What has none is `PROVED` to be out of reach, or left open: then its outcome is no success, and q is of no use. The
+    swivel angles are tried from the same one on, or, if `shuffled`, from one that `streams` (N,) tell. Memory: floats
+    and integers of `make_work`, pieces of `verdict`, kinematics (n + n + 6, 3).
+    """
+    n, work = q.shape[1], make_work(floats, integers)
+    axes, origins, rest = kinematics[:n], kinematics[n : 2 * n], kinematics[2 * n :].reshape(18)
+    tool, e = rest[:12], rest[12:]
+    for k in range(len(targets)):
+        offset = TURN * np.float64(streams[k] >> np.uint64(32)) if shuffled else 0.0
+        outcome[k, SUCCESS] = 0.0
+        if start(arm, targets[k], offset, work, q[k]):
+            cost = pose_cost(chain, settings, targets[k], q[k], axes, origins, tool, e)
+            if is_reached(settings, e):
+                position, orientation = squares(e)
+                outcome[k, SUCCESS], outcome[k, ATTEMPT], outcome[k, SPENT], outcome[k, MOVED] = 1.0, 0.0, 0.0, 0.0
+                outcome[k, FINAL_COST] = cost
+                outcome[k, POSITION_ERROR], outcome[k, ORIENTATION_ERROR] = np.sqrt(position), np.sqrt(orientation)
+        if outcome[k, SUCCESS] == 0.0:
+            position, orientation = settings[POSITION_TOLERANCE], settings[ORIENTATION_TOLERANCE]
+            if verdict(arm, targets[k], position, orientation, work, pieces) != POSSIBLE:
+                outcome[k, SUCCESS] = PROVED
