@@ -17,6 +17,7 @@ from maira_qp.apps.commands.compare import Compare
 from maira_qp.apps.commands.fk import Fk
 from maira_qp.apps.commands.solve import Solve
 from maira_qp.apps.commands.urdf import Urdf
+from maira_qp.apps.commands.view import View
 from maira_qp.errors import MairaError
 
 MISUSE = 2
@@ -38,6 +39,7 @@ Command = (
     | Annotated[Urdf, tyro.conf.subcommand("urdf")]
     | Annotated[Compare, tyro.conf.subcommand("compare")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
+    | Annotated[View, tyro.conf.subcommand("view")]
 )
 
 

@@ -46,7 +46,7 @@ def link_shapes(
         for element in link.findall("collision"):
             name = link.attrib["name"]
             try:
-                shapes.append(LinkShape(name, _shape(element, name).loaded(directories)))
+                shapes.append(LinkShape(name, shape_of(element, name).loaded(directories)))
             except FileNotFoundError as reason:
                 if not ignore_missing:
                     raise OptionError(
@@ -58,8 +58,8 @@ def link_shapes(
     return shapes
 
 
-def _shape(element: Element, link: str) -> Shape:
-    """The shape of a `<collision>`. Raises `RobotError`, or `OptionError` for its sizes."""
+def shape_of(element: Element, link: str) -> Shape:
+    """The shape of a `<collision>` or `<visual>`, without its file. Raises `RobotError`; `OptionError` for sizes."""
     geometry, origin = element.find("geometry"), element.find("origin")
     solid = next((part for part in geometry if part.tag in KINDS), None) if geometry is not None else None
     if solid is None:

@@ -40,11 +40,28 @@ def find_mesh(filename: str | os.PathLike[str], directories: Iterable[str | os.P
 
 def mesh_points(path: Path) -> np.ndarray:
     """The vertices (k, 3) of a mesh file, in its own unit. Raises `OptionError` if it cannot be read."""
+    return _points(_loaded(path), path)
+
+
+def mesh_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices (k, 3) of a mesh file, in its own unit, and its triangles (m, 3) of indices of vertices.
+
+    Raises `OptionError` if it cannot be read.
+    """
+    mesh = _loaded(path)
+    triangles = [(t[0], t[1], t[2]) for t in map(mesh.tri_indices, range(mesh.num_tris))]
+    return _points(mesh, path), np.array(triangles, dtype=int).reshape(-1, 3)
+
+
+def _loaded(path: Path) -> coal.BVHModelBase:
     try:
-        points = coal.MeshLoader(coal.BV_OBBRSS).load(str(path), np.ones(3)).vertices()
+        return coal.MeshLoader(coal.BV_OBBRSS).load(str(path), np.ones(3))
     except (ValueError, RuntimeError) as reason:
         raise OptionError(f"the mesh {str(path)!r} cannot be read: {str(reason)[:300]}") from None
-    points = np.array(points, dtype=float).reshape(-1, 3)
+
+
+def _points(mesh: coal.BVHModelBase, path: Path) -> np.ndarray:
+    points = np.array(mesh.vertices(), dtype=float).reshape(-1, 3)
     if not np.isfinite(points).all():
         raise OptionError(f"the mesh {str(path)!r} has vertices that are not finite")
     return points

@@ -1,0 +1,108 @@
+"""How the arm gets on: toward the target, straight to a configuration, along its self-motion, along a recording.
+
+A motion gives the next configuration, as far from the last as the speed limits allow in a tick.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from maira_qp.apps.viewer.recording import Recording
+from maira_qp.robots.arcs import Arc
+from maira_qp.robots.robot import Robot
+
+SWIVEL_SPEED = 1.5
+"""[rad/s], before the speed limits of the joints"""
+SLOWEST = 1e-3
+"""[rad/s] The elbow goes on at this speed even where joints turn too fast, which is next to a singularity."""
+UNLIMITED = np.pi
+"""Speed of a joint that has no limit [rad/s, or m/s]"""
+
+
+class Motion(ABC):
+    """What the arm does, tick by tick."""
+
+    @abstractmethod
+    def next(self, q: np.ndarray, dt: float) -> np.ndarray:
+        """The configuration (n,) dt [s] after q (n,)."""
+
+    @property
+    @abstractmethod
+    def is_done(self) -> bool:
+        """There is nothing left to do."""
+
+
+class Go(Motion):
+    """Straight through joint space to a configuration, all joints in the same time."""
+
+    def __init__(self, robot: Robot, goal: np.ndarray) -> None:
+        """goal (n,), moved into the limits."""
+        self._robot, self.goal = robot, np.clip(goal, robot.lower, robot.upper)
+        self._left = np.inf
+
+    def next(self, q: np.ndarray, dt: float) -> np.ndarray:
+        """At limit speed of the joint that has the longest way."""
+        way = self.goal - q
+        self._left = _ticks(self._robot, way, dt)
+        return (
+            self.goal.copy() if self._left <= 1 else np.clip(q + way / self._left, self._robot.lower, self._robot.upper)
+        )
+
+    @property
+    def is_done(self) -> bool:
+        """It is there."""
+        return self._left <= 1
+
+
+class Swivel(Motion):
+    """The elbow moves along an arc of solutions, so that the tool stands still."""
+
+    def __init__(self, robot: Robot, arc: Arc, begin: float, end: float) -> None:
+        """From a swivel angle on the arc to another [rad]."""
+        self._robot, self.arc = robot, arc
+        self.psi, self._end = begin, min(max(end, arc.lower), arc.upper)
+
+    def next(self, q: np.ndarray, dt: float) -> np.ndarray:
+        """At swivel speed, halved until no joint is faster than it may be."""
+        way = min(max(self._end - self.psi, -SWIVEL_SPEED * dt), SWIVEL_SPEED * dt)
+        while True:
+            psi = self._end if way == self._end - self.psi else self.psi + way
+            ahead = self.arc.at(np.array(psi))
+            if _ticks(self._robot, ahead - q, dt) <= 1 or abs(way) < SLOWEST * dt:
+                self.psi = psi
+                return ahead
+            way *= 0.5
+
+    @property
+    def is_done(self) -> bool:
+        """The angle is reached."""
+        return self.psi == self._end
+
+
+class Replay(Motion):
+    """To the first configuration of a recording, and then through it in its own time."""
+
+    def __init__(self, robot: Robot, recording: Recording) -> None:
+        """A recording that is not empty."""
+        self._recording, self._start = recording, Go(robot, recording.at(0.0))
+        self._time = 0.0
+
+    def next(self, q: np.ndarray, dt: float) -> np.ndarray:
+        """On the way to the start, or on the recording."""
+        if not self._start.is_done:
+            return self._start.next(q, dt)
+        self._time += dt
+        return self._recording.at(self._time)
+
+    @property
+    def is_done(self) -> bool:
+        """It is at its end."""
+        return self._time >= self._recording.duration and self._start.is_done
+
+
+def _ticks(robot: Robot, way: np.ndarray, dt: float) -> float:
+    """In how many ticks of dt [s] a way (n,) can be gone within the speed limits."""
+    speed = np.where(np.isfinite(robot.velocity_limit) & (robot.velocity_limit > 0), robot.velocity_limit, UNLIMITED)
+    return float((np.abs(way) / (speed * dt)).max())

@@ -1,0 +1,157 @@
+"""The viewer: a web server with a scene and a panel, and the loop behind them. All tabs see and move the same arm."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import logging
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import viser
+
+from maira_qp.apps.commands.robot_choice import RobotChoice
+from maira_qp.apps.viewer.geometry import Geometry, geometry_of
+from maira_qp.apps.viewer.loop import Loop
+from maira_qp.apps.viewer.panel import Panel
+from maira_qp.apps.viewer.scene import Scene, frame_camera
+from maira_qp.apps.viewer.session import Session, View
+from maira_qp.errors import MairaError, OptionError
+
+log = logging.getLogger(__name__)
+
+PANEL_EVERY = 6
+"""Ticks from one look of the panel to the next: ten a second can be read."""
+SILENCE = 5.0
+"""An error that comes again within this time [s] is not told again."""
+UPLOADED = (".urdf", ".xml", ".toml", ".yaml", ".yml")
+LARGEST_UPLOAD = 16 * 2**20
+"""[bytes]"""
+
+
+class Viewer:
+    """Serves a robot until it is closed."""
+
+    def __init__(self, choice: RobotChoice, host: str = "127.0.0.1", port: int = 8080) -> None:
+        """At a free port from `port` on; 0: any. Raises `RobotError`, `FrameError`, `OSError`."""
+        session, geometry = _prepared(choice)
+        self._server = _serve(host, port)
+        self._told: tuple[str, float] = "", 0.0
+        self._ticks = 0
+        self._loop = Loop(session, self._show, self._failed)
+        self._present(session, geometry)
+        self._loop.start()
+
+    @property
+    def url(self) -> str:
+        """Where it is served."""
+        return f"http://{self._server.get_host()}:{self._server.get_port()}"
+
+    @property
+    def server(self) -> viser.ViserServer:
+        """What serves it."""
+        return self._server
+
+    @property
+    def current(self) -> Session:
+        """The session that is shown; another thread's, so only to be looked at."""
+        return self._loop.session
+
+    def close(self) -> None:
+        """The arm stops, and the tabs are left alone."""
+        self._loop.stop()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._server.stop()
+
+    # What the panel asks
+
+    def session(self, key: str, action: Callable[[Session], None]) -> None:
+        """Do this before the next tick, unless something else comes under the same key."""
+        self._loop.mailbox.put(key, action)
+
+    def robot(self, robot: str, tip: str | None, client: viser.ClientHandle | None) -> None:
+        """Show another robot: a name of the catalog, or a file."""
+        with self.failures(client):
+            self._replace(*_prepared(RobotChoice(robot=robot, tip=tip)))
+
+    def uploaded_robot(self, name: str, content: bytes, tip: str | None, client: viser.ClientHandle | None) -> None:
+        """Show another robot, from a file that a browser sent; of its name only the suffix is used."""
+        with self.failures(client), tempfile.TemporaryDirectory() as directory:
+            suffix = Path(name).suffix.lower()
+            if suffix not in UPLOADED or len(content) > LARGEST_UPLOAD:
+                raise OptionError(f"a robot is a file of at most {LARGEST_UPLOAD >> 20} MB, {', '.join(UPLOADED)}")
+            file = Path(directory) / f"uploaded{suffix}"
+            file.write_bytes(content)
+            self._replace(*_prepared(RobotChoice(robot=str(file), tip=tip)))
+
+    @contextlib.contextmanager
+    def failures(self, client: viser.ClientHandle | None) -> Iterator[None]:
+        """What is wrong within is told to the client."""
+        try:
+            yield
+        except (MairaError, OSError) as reason:
+            if client is not None:
+                client.add_notification("This does not work", str(reason)[:600], color="red", auto_close_seconds=12)
+
+    # What the loop shows
+
+    def _replace(self, session: Session, geometry: Geometry) -> None:
+        def replace(_: Session) -> None:
+            self._loop.session = session
+            self._present(session, geometry)
+
+        self._loop.mailbox.put("robot", replace)
+
+    def _present(self, session: Session, geometry: Geometry) -> None:
+        """A scene and a panel for a session, in place of those of the last."""
+        with self._server.atomic():
+            self._server.scene.reset()
+            self._server.gui.reset()
+            self._scene = Scene(
+                self._server.scene,
+                session.robot,
+                geometry.bodies,
+                lambda T: self.session("target", lambda session: session.move_target(T)),
+                lambda name, T: self.session(name, lambda session: session.move_obstacle(name, T[:3, 3])),
+            )
+            self._panel = Panel(self._server.gui, session, geometry.notes, self)
+            self._server.gui.set_panel_label(f"maira_qp: {session.robot.name}")
+            frame_camera(self._server.initial_camera, session.robot)
+
+    def _show(self, session: Session, view: View) -> None:
+        with self._server.atomic():
+            self._scene.show(view, session.obstacles, session.recording)
+            if self._ticks % PANEL_EVERY == 0:
+                self._panel.show(session, view)
+        self._ticks += 1
+
+    def _failed(self, reason: Exception) -> None:
+        """Tells all tabs, but not sixty times a second."""
+        if not isinstance(reason, MairaError):
+            log.error("the viewer goes on after an error", exc_info=reason)
+        text, now = str(reason)[:600] or type(reason).__name__, time.monotonic()
+        if text == self._told[0] and now - self._told[1] < SILENCE:
+            return
+        self._told = text, now
+        for client in self._server.get_clients().values():
+            client.add_notification("This does not work", text, color="red", auto_close_seconds=12)
+
+
+def _prepared(choice: RobotChoice) -> tuple[Session, Geometry]:
+    """A session and what its robot looks like; meshes are sought beside the robot's file and in the folders above."""
+    robot = choice.load()
+    file = Path(choice.robot)
+    directories = [str(folder) for folder in file.resolve().parents] if file.is_file() else []
+    return Session(robot, directories), geometry_of(robot, directories)
+
+
+def _serve(host: str, port: int) -> viser.ViserServer:
+    """A server without words on the terminal, and without a button that would share it with the world."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host=host, port=port, verbose=False)
+    server.gui.configure_theme(
+        show_logo=False, show_share_button=False, control_width="medium", brand_color=(41, 115, 204)
+    )
+    return server

@@ -1,0 +1,427 @@
+"""What the viewer is about, without a browser: a robot, a target, and how the arm follows it.
+
+`tick` moves the arm by one control tick. What takes longer than a tick has time for, a verdict on the target, a solver
+with other obstacles, all solutions, is a `Job`: `next_job` hands it out, it may run in any thread, and its answer is
+written back between two ticks. Jobs look at arrays and objects that ticks replace and never change.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+import pinocchio as pin
+
+from maira_qp.apps.viewer.elbow import Elbow, elbow_of
+from maira_qp.apps.viewer.motions import Go, Motion, Replay, Swivel
+from maira_qp.apps.viewer.recording import Recording
+from maira_qp.apps.viewer.surroundings import Clearance, clearances, collision_limit
+from maira_qp.errors import MairaError, OptionError
+from maira_qp.orientation import pose_error
+from maira_qp.problem.collision import CollisionLimit
+from maira_qp.problem.objectives import Posture
+from maira_qp.problem.pose import as_pose
+from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.robots.collision.shapes import Shape
+from maira_qp.robots.robot import Robot
+from maira_qp.robots.srs import SRS
+from maira_qp.solvers.options import Options
+from maira_qp.solvers.solution import ACTIVE_WITHIN, Solution
+from maira_qp.solvers.solver import Solver
+
+Method = Literal["strict", "weighted", "none"]
+METHODS: tuple[Method, ...] = ("strict", "weighted", "none")
+
+PATIENCE = 0.25
+"""What a verdict among obstacles may take [s]."""
+FARTHEST = 2.5
+"""How far the target may be dragged from the base, in lengths of the arm."""
+AT_REST = 1e-4
+"""An arm that moves less in a tick [rad, or m] stands still."""
+STUCK = 15
+"""Ticks of standing still away from a target that can be reached, after which the arm goes another way."""
+AWAY = 1e-4
+"""An error [m, or rad] above this is not what is left of a motion that fades away."""
+RESTS = 20
+"""Ticks after which a target that was not moved counts as put down."""
+APART = 0.1
+"""Solutions nearer to each other in every joint [rad, or m] are shown as one."""
+MOST_GHOSTS = 24
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """Something to find out, in any thread, and what to do with the answer between two ticks."""
+
+    think: Callable[[], Any]
+    write: Callable[[Any], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What `solve` says of a target."""
+
+    target: pin.SE3
+    solution: Solution
+    seconds: float
+    """What the solve took [s]"""
+
+
+@dataclass(frozen=True, eq=False)
+class Ghosts:
+    """Solutions for a target, the best first, alike ones as one."""
+
+    target: pin.SE3
+    q: np.ndarray
+    """(k, n)"""
+    count: int
+    """How many there are with those that are alike"""
+    note: str = ""
+    """Why there are none"""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """All that there is to see after a tick."""
+
+    q: np.ndarray
+    """(n,)"""
+    tool: pin.SE3
+    target: pin.SE3
+    position_error: float
+    """[m]"""
+    orientation_error: float
+    """[rad]"""
+    condition_number: float
+    at_limit: list[str]
+    """Joints at a limit, such as "joint4 upper" """
+    clearances: list[Clearance]
+    tick_seconds: float
+    """What the last control tick took [s]"""
+    verdict: Verdict | None
+    """On the target as it is, if it is known yet"""
+    ghosts: Ghosts | None
+    elbow: Elbow | None
+    notice: str
+    """Why distances are not known or obstacles not avoided, if so"""
+
+
+class Session:
+    """One robot at work. Not for several threads at once, jobs aside."""
+
+    def __init__(self, robot: Robot, directories: Sequence[str] = ()) -> None:
+        """At rest in a well-bent configuration, the target in the tool; meshes are sought in `directories`."""
+        self.robot, self.directories = robot, tuple(directories)
+        self.q = bent_configuration(robot)
+        self.target = robot.forward(self.q)
+        self.method: Method = "strict"
+        self.weight = 1e-3
+        self.obstacles: dict[str, Shape] = {}
+        self.is_avoiding = False
+        self.shows_ghosts = False
+        self.recording = Recording(robot)
+        self.is_recording = False
+        self._srs = SRS.of(robot)
+        self._solver = Solver(robot, redundancy=self.redundancy)
+        self._plain = Solver(robot)
+        self._limit: CollisionLimit | None = None
+        self._motion: Motion | None = None
+        self._is_following = False
+        self._velocity = np.zeros(robot.n)
+        self._still = 0
+        self._target_still = 0
+        self._tick_seconds = 0.0
+        self._verdict: Verdict | None = None
+        self._ghosts: Ghosts | None = None
+        self._elbow: tuple[np.ndarray, Elbow | None] | None = None
+        self._notice = ""
+        self._stale = {"verdict"}
+
+    # What is asked for
+
+    def move_target(self, T: np.ndarray) -> None:
+        """The arm follows a target (4, 4), which is brought back to `FARTHEST`. Raises `PoseError`."""
+        target = as_pose(T)
+        far = float(np.linalg.norm(target.translation)) / (FARTHEST * self.robot.length)
+        self.target = pin.SE3(target.rotation, target.translation / max(far, 1.0))
+        self._follow()
+
+    def set_joint(self, index: int, value: float) -> None:
+        """One joint [rad or m] is set by hand, and the target goes with the tool."""
+        q = self.q.copy()
+        q[index] = value
+        self._halt()
+        self.q = self.robot.clip(q)
+        self._target_to_tool()
+
+    def set_swivel(self, psi: float) -> None:
+        """The elbow moves to a swivel angle [rad], as far as its arc goes. Raises `OptionError` where it has none."""
+        elbow = self.elbow
+        if elbow is None:
+            raise OptionError(
+                "the elbow's arc of solutions is not known: the arm must stand still, and not be stretched"
+            )
+        self._start(Swivel(self.robot, elbow.arc, elbow.psi, psi))
+
+    def use(self, method: Method, weight: float) -> None:
+        """How the redundancy is used, and the weight of "weighted". Raises `OptionError`."""
+        if method not in METHODS:
+            raise OptionError(f"the redundancy is used as {', '.join(METHODS)}, not {method!r}")
+        Weighted(Posture(), weight)  # is it a weight?
+        self.method, self.weight = method, weight
+        self._rebuild()
+        self._follow()
+
+    def put_obstacle(self, shape: Shape) -> None:
+        """An obstacle is there, or elsewhere than it was, by its name."""
+        self.obstacles = {**self.obstacles, shape.name: shape}
+        self._rebuild()
+
+    def move_obstacle(self, name: str, position: np.ndarray) -> None:
+        """An obstacle is put to a position (3,) [m]."""
+        shape = self.obstacles[name]
+        self.put_obstacle(replace(shape, pose=pin.SE3(shape.pose.rotation, np.array(position))))  # type: ignore[type-var]
+
+    def remove_obstacles(self) -> None:
+        """Nothing is in the way."""
+        self.obstacles = {}
+        self._rebuild()
+
+    def avoid(self, wanted: bool) -> None:
+        """Whether the arm keeps clear of the obstacles."""
+        self.is_avoiding = wanted
+        self._rebuild()
+
+    def show_ghosts(self, wanted: bool) -> None:
+        """Whether all solutions are sought."""
+        self.shows_ghosts, self._ghosts = wanted, None
+        self._stale.add("ghosts")
+
+    def go_to_ghost(self, index: int) -> None:
+        """The arm goes to one of the solutions shown, counted round and round. Raises `OptionError` without any."""
+        if self._ghosts is None or not len(self._ghosts.q):
+            raise OptionError("no solutions are shown")
+        self._start(Go(self.robot, self._ghosts.q[index % len(self._ghosts.q)]))
+
+    def record(self, wanted: bool) -> None:
+        """Recording begins anew, or ends."""
+        if wanted:
+            self.recording = Recording(self.robot)
+        self.is_recording = wanted
+
+    def play(self) -> None:
+        """The recording is played. Raises `OptionError` without one."""
+        if not len(self.recording):
+            raise OptionError("nothing is recorded yet")
+        self.is_recording = False
+        self._start(Replay(self.robot, self.recording))
+
+    def stop(self) -> None:
+        """The arm stands still, and the target is where the tool is."""
+        self._halt()
+        self._target_to_tool()
+
+    # What happens
+
+    def tick(self, dt: float) -> View:
+        """Moves the arm by dt [s] at most as far as its limits allow, and says what there is to see."""
+        before = self.q
+        if self._motion is not None:
+            self.q = np.clip(self._motion.next(self.q, dt), self.robot.lower, self.robot.upper)
+            if isinstance(self._motion, Replay):
+                self._target_to_tool()
+            if self._motion.is_done:
+                self._motion = None
+        elif self._is_following:
+            self._tick_toward_target(dt)
+        moved = float(np.abs(self.q - before).max())
+        self._target_still += 1
+        self._still = self._still + 1 if moved < AT_REST else 0
+        if self.is_recording:
+            self.recording.add(self.q, dt)
+            self.is_recording = not self.recording.is_full
+        return self._view()
+
+    def next_job(self) -> Job | None:
+        """What is to be found out next, if anything is; the solutions aside."""
+        if "solver" in self._stale:
+            return self._taken("solver", Job(self._solver_builder(), self._use_solver))
+        if "verdict" in self._stale:
+            return self._taken("verdict", Job(self._judge(), self._use_verdict))
+        if self._srs is not None and self._still > 0 and not self._is_elbow_known:
+            srs, q = self._srs, self.q
+            return Job(lambda: (q, elbow_of(srs, q)), self._use_elbow)
+        return None
+
+    def next_long_job(self) -> Job | None:
+        """The solutions of a target that rests, if they are asked for: this may take seconds."""
+        if not self.shows_ghosts or "ghosts" not in self._stale or self._target_still < RESTS:
+            return None
+        solver, target = self._plain, self.target
+        return self._taken("ghosts", Job(lambda: ghosts_of(solver, target), self._use_ghosts))
+
+    @property
+    def redundancy(self) -> Strict | Weighted | None:
+        """As the solver takes it."""
+        if self.method == "none":
+            return None
+        return Strict(Posture()) if self.method == "strict" else Weighted(Posture(), self.weight)
+
+    @property
+    def has_swivel(self) -> bool:
+        """The elbow can be moved on its own: the arm is S-R-S."""
+        return self._srs is not None
+
+    @property
+    def elbow(self) -> Elbow | None:
+        """Where the elbow is on its arc, once that is known."""
+        if isinstance(self._motion, Swivel):
+            return Elbow(self._motion.arc, self._motion.psi)
+        return self._elbow[1] if self._is_elbow_known and self._elbow is not None else None
+
+    # Motions
+
+    def _follow(self) -> None:
+        self._halt()
+        self._is_following = True
+        self._target_moved()
+
+    def _start(self, motion: Motion) -> None:
+        self._halt()
+        self._motion = motion
+
+    def _halt(self) -> None:
+        self._motion, self._is_following = None, False
+        self._velocity = np.zeros(self.robot.n)
+        self._still = 0
+
+    def _target_to_tool(self) -> None:
+        self.target = self.robot.forward(self.q)
+        self._target_moved()
+
+    def _target_moved(self) -> None:
+        self._target_still = 0
+        self._stale |= {"verdict", "ghosts"}
+
+    def _tick_toward_target(self, dt: float) -> None:
+        """One control tick; where ticks get no further, though the target can be reached, another way round."""
+        begin = time.perf_counter()
+        step = self._solver.step(self.q, self.target, dt, velocity=self._velocity)
+        self._tick_seconds = time.perf_counter() - begin
+        self.q, self._velocity = step.q, step.velocity
+        verdict = self._verdict
+        if self._still >= STUCK and verdict is not None and verdict.target is self.target and verdict.solution.success:
+            away = np.abs(pose_error(self.robot.forward(self.q), self.target)).max()
+            if away > AWAY and not (self.is_avoiding and self.obstacles):
+                self._motion, self._still = Go(self.robot, verdict.solution.q), 0
+
+    # Jobs and their answers
+
+    def _taken(self, name: str, job: Job) -> Job:
+        self._stale.discard(name)
+        return job
+
+    def _rebuild(self) -> None:
+        self._stale.add("solver")
+
+    def _solver_builder(self) -> Callable[[], tuple[Solver, CollisionLimit | None, str]]:
+        robot, redundancy, obstacles = self.robot, self.redundancy, self.obstacles
+        directories, is_avoiding = self.directories, self.is_avoiding
+
+        def build() -> tuple[Solver, CollisionLimit | None, str]:
+            if not obstacles:
+                return Solver(robot, redundancy=redundancy), None, ""
+            try:
+                limit = collision_limit(obstacles, directories)
+                if is_avoiding:
+                    options = Options(deadline=PATIENCE)
+                    solver = Solver(robot, redundancy=redundancy, limits=[limit], options=options)
+                    return solver, solver.limits[-1], ""  # type: ignore[return-value]
+                return Solver(robot, redundancy=redundancy), limit.of(robot), ""
+            except MairaError as reason:
+                return Solver(robot, redundancy=redundancy), None, str(reason)
+
+        return build
+
+    def _use_solver(self, answer: tuple[Solver, CollisionLimit | None, str]) -> None:
+        self._solver, self._limit, self._notice = answer
+        self._still = 0
+        self._stale.add("verdict")
+
+    def _judge(self) -> Callable[[], Verdict]:
+        solver, target, q = self._solver, self.target, self.q
+
+        def judge() -> Verdict:
+            begin = time.perf_counter()
+            solution = solver.solve(target, q0=q)
+            return Verdict(target, solution, time.perf_counter() - begin)
+
+        return judge
+
+    def _use_verdict(self, verdict: Verdict) -> None:
+        self._verdict = verdict
+
+    @property
+    def _is_elbow_known(self) -> bool:
+        return self._elbow is not None and float(np.abs(self._elbow[0] - self.q).max()) < AT_REST
+
+    def _use_elbow(self, answer: tuple[np.ndarray, Elbow | None]) -> None:
+        self._elbow = answer
+
+    def _use_ghosts(self, ghosts: Ghosts) -> None:
+        self._ghosts = ghosts
+
+    def _view(self) -> View:
+        robot, q = self.robot, self.q
+        tool = robot.forward(q)
+        error = pose_error(tool, self.target)
+        ghosts = self._ghosts if self._ghosts is not None and self._ghosts.target is self.target else None
+        return View(
+            q=q,
+            tool=tool,
+            target=self.target,
+            position_error=float(np.linalg.norm(error[:3])),
+            orientation_error=float(np.linalg.norm(error[3:])),
+            condition_number=robot.condition_number(q),
+            at_limit=limits_at(robot, q),
+            clearances=[] if self._limit is None else clearances(self._limit, q),
+            tick_seconds=self._tick_seconds,
+            verdict=self._verdict,
+            ghosts=ghosts,
+            elbow=self.elbow,
+            notice=self._notice,
+        )
+
+
+def limits_at(robot: Robot, q: np.ndarray) -> list[str]:
+    """The limits that q (n,) stands on, such as "joint4 upper"."""
+    sides = (q <= robot.lower + ACTIVE_WITHIN, "lower"), (q >= robot.upper - ACTIVE_WITHIN, "upper")
+    return [f"{name} {side}" for i, name in enumerate(robot.joint_names) for mask, side in sides if mask[i]]
+
+
+def bent_configuration(robot: Robot) -> np.ndarray:
+    """A configuration (n,) to begin with: of some near the middle and above the ground the least singular."""
+    rng = np.random.default_rng(0)
+    candidates = [robot.middle + 0.5 * (robot.random_configuration(rng) - robot.middle) for _ in range(300)]
+    ground = min(0.0, float(robot.at(robot.middle).placement().translation[2]))
+    above = [
+        q for q in candidates if min(robot.forward(q, link).translation[2] for link in robot.moved_links) >= ground
+    ]
+    return robot.clip(max(above or candidates, key=robot.manipulability))
+
+
+def ghosts_of(solver: Solver, target: pin.SE3) -> Ghosts:
+    """All solutions for a target, the best first; none, with the reason, where they are not known."""
+    try:
+        found = [each.q for each in solver.solutions(target)]
+    except OptionError as reason:
+        return Ghosts(target, np.empty((0, solver.robot.n)), 0, str(reason))
+    shown: list[np.ndarray] = []
+    for q in found:
+        if len(shown) < MOST_GHOSTS and all(np.abs(q - other).max() >= APART for other in shown):
+            shown.append(q)
+    note = "" if found else "no configuration within the joint limits reaches the target"
+    return Ghosts(target, np.array(shown).reshape(-1, solver.robot.n), len(found), note)
