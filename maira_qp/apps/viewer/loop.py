@@ -13,7 +13,9 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 
-from maira_qp.apps.viewer.session import Job, Session, View
+from maira_qp.apps.viewer.answers import Job
+from maira_qp.apps.viewer.session import Session
+from maira_qp.apps.viewer.view import View
 
 log = logging.getLogger(__name__)
 

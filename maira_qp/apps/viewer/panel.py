@@ -16,7 +16,8 @@ from maira_qp.apps.commands.output import Angles
 from maira_qp.apps.commands.robot_choice import CATALOG
 from maira_qp.apps.viewer import readout
 from maira_qp.apps.viewer.recording import SUFFIXES, plain_name, save
-from maira_qp.apps.viewer.session import Method, Session, View
+from maira_qp.apps.viewer.session import Method, Session
+from maira_qp.apps.viewer.view import View
 from maira_qp.errors import OptionError
 from maira_qp.robots.collision.shapes import Box, Shape, Sphere
 
@@ -90,7 +91,8 @@ class Slider:
     def show(self, value: float) -> None:
         """The value is this."""
         if time.monotonic() - self._touched > UNTOUCHED:
-            self.handle.value = min(max(value, self.handle.min), self.handle.max)
+            value = round(value / self.handle.step) * self.handle.step
+            self.handle.value = round(min(max(value, self.handle.min), self.handle.max), 6)
 
 
 class ReachTab:
@@ -183,7 +185,7 @@ class ObstaclesTab:
         length = session.robot.length
         self._count = 0
         ball, box = gui.add_button("Add a ball"), gui.add_button("Add a box")
-        remove = gui.add_button("Remove all")
+        remove = gui.add_button("Remove all", color="gray")
         avoid = gui.add_checkbox("Keep clear of them", session.is_avoiding)
         self._distances = gui.add_html("")
 
@@ -222,7 +224,7 @@ class PathTab:
     def __init__(self, gui: viser.GuiApi, ask: Ask) -> None:
         self._record = gui.add_button("Record", icon=viser.Icon.PLAYER_RECORD)
         self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
-        stop = gui.add_button("Stop the arm", icon=viser.Icon.PLAYER_STOP)
+        stop = gui.add_button("Stop the arm", color="gray", icon=viser.Icon.PLAYER_STOP)
         name = gui.add_text("File", "path.csv", hint=f"A name that ends in {' or '.join(SUFFIXES)}")
         here = gui.add_button("Save where the viewer runs", icon=viser.Icon.DEVICE_FLOPPY)
         download = gui.add_button("Download", icon=viser.Icon.DOWNLOAD)

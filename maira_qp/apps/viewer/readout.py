@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from html import escape
 
-from maira_qp.apps.viewer.session import Session, Verdict, View
+from maira_qp.apps.viewer.answers import Verdict
+from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.surroundings import MARGIN
+from maira_qp.apps.viewer.view import View
 from maira_qp.solvers.solution import Solution, Status
 
 GOOD, POOR, BAD, QUIET = "#1a7f4b", "#b26a00", "#c92a2a", "#868e96"

@@ -11,9 +11,9 @@ import viser
 
 from maira_qp.apps.viewer.geometry import Body, Colour
 from maira_qp.apps.viewer.recording import Recording
-from maira_qp.apps.viewer.session import View
 from maira_qp.apps.viewer.surroundings import MARGIN
 from maira_qp.apps.viewer.triangles import triangles
+from maira_qp.apps.viewer.view import View
 from maira_qp.orientation import matrix_from_quaternion, quaternion_from_matrix
 from maira_qp.robots.collision.shapes import Shape
 from maira_qp.robots.robot import Robot
@@ -22,6 +22,8 @@ RED: Colour = (224, 49, 49)
 AMBER: Colour = (240, 140, 0)
 GREEN: Colour = (47, 158, 68)
 GHOST: Colour = (76, 110, 245)
+GIZMO = 0.15
+"""Size of the gizmo on the target, in lengths of the arm."""
 VISIBLE_ERROR = 1e-3
 """From this position error on [m] a line leads from the tool to the target."""
 MOST_SEGMENTS = 500
@@ -154,7 +156,7 @@ class Obstacles:
         self._meshes[name] = add_surface(self._scene, f"{node}/body", body, opacity=0.75)
         self._handles[name] = Handle(gizmo, lambda T: self._moved(name, T))
         line = self._scene.add_line_segments(f"/distances/{name}", np.zeros((1, 2, 3)), GREEN, thickness=0.005)
-        label = self._scene.add_label(f"/distances/{name}/label", "", anchor="bottom-center", font_screen_scale=0.8)
+        label = self._scene.add_label(f"/labels/{name}", "", anchor="bottom-center", font_screen_scale=0.8)
         self._lines[name] = line, label
 
 
@@ -170,13 +172,14 @@ class Scene:
         obstacle_moved: Callable[[str, np.ndarray], None],
     ) -> None:
         size = robot.length
+        light(scene)
         scene.add_grid(
-            "/ground", width=8 * size, height=8 * size, cell_size=0.1, section_size=0.5, fade_distance=5 * size,
+            "/ground", width=8 * size, height=8 * size, cell_size=0.25, section_size=1.0, fade_distance=5 * size,
             cell_color=(225, 228, 232), section_color=(190, 196, 204),
         )  # fmt: skip
         self._arm = ArmDrawing(scene, robot, bodies)
         self._ghosts = GhostDrawing(scene, robot, bodies)
-        gizmo = scene.add_transform_controls("/target", scale=0.18 * size, depth_test=False, opacity=0.85)
+        gizmo = scene.add_transform_controls("/target", scale=GIZMO * size, depth_test=False, opacity=0.85)
         self._target = Handle(gizmo, target_moved)
         self._obstacles = Obstacles(scene, obstacle_moved)
         self._error = scene.add_line_segments("/error", np.zeros((1, 2, 3)), RED, thickness=0.003 * size, visible=False)
@@ -207,6 +210,13 @@ class Scene:
             self._path.points = np.stack([points[:-1], points[1:]], axis=1)
 
 
+def light(scene: viser.SceneApi) -> None:
+    """Plain lights: a map of the surroundings and shadows take a browser without a graphics card seconds a frame."""
+    scene.configure_environment_map(None)
+    scene.configure_default_lights(cast_shadow=False)
+    scene.add_light_hemisphere("/light", sky_color=(255, 255, 255), ground_color=(170, 176, 186), intensity=1.0)
+
+
 def add_surface(scene: viser.SceneApi, name: str, body: Body, opacity: float | None = None) -> viser.MeshHandle:
     """A body as a mesh of the scene."""
     return scene.add_mesh_simple(
@@ -228,6 +238,6 @@ def put(node: Any, T: pin.SE3) -> None:
 def frame_camera(camera: viser.InitialCameraConfig, robot: Robot) -> None:
     """Where the camera of a new tab stands: all of the arm and its reach are seen."""
     size = robot.length
-    camera.position = (1.15 * size, -1.15 * size, 0.95 * size)
-    camera.look_at = (0.0, 0.0, 0.35 * size)
-    camera.fov = float(np.radians(50))
+    camera.position = (0.75 * size, -1.05 * size, 0.75 * size)
+    camera.look_at = (0.12 * size, 0.05 * size, 0.3 * size)
+    camera.fov = float(np.radians(45))

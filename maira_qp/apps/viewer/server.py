@@ -17,7 +17,8 @@ from maira_qp.apps.viewer.geometry import Geometry, geometry_of
 from maira_qp.apps.viewer.loop import Loop
 from maira_qp.apps.viewer.panel import Panel
 from maira_qp.apps.viewer.scene import Scene, frame_camera
-from maira_qp.apps.viewer.session import Session, View
+from maira_qp.apps.viewer.session import Session
+from maira_qp.apps.viewer.view import View
 from maira_qp.errors import MairaError, OptionError
 
 log = logging.getLogger(__name__)

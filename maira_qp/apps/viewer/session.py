@@ -8,18 +8,22 @@ written back between two ticks. Jobs look at arrays and objects that ticks repla
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
 
+from maira_qp.apps.viewer.answers import Fitted, Ghosts, Job, Verdict, fitted, ghosts_of, verdict_on
 from maira_qp.apps.viewer.elbow import Elbow, elbow_of
 from maira_qp.apps.viewer.motions import Go, Motion, Replay, Swivel
 from maira_qp.apps.viewer.recording import Recording
-from maira_qp.apps.viewer.surroundings import Clearance, clearances, collision_limit
-from maira_qp.errors import MairaError, OptionError
+from maira_qp.apps.viewer.start import bent_configuration
+from maira_qp.apps.viewer.surroundings import clearances
+from maira_qp.apps.viewer.view import View, limits_at
+from maira_qp.errors import OptionError
 from maira_qp.orientation import pose_error
 from maira_qp.problem.collision import CollisionLimit
 from maira_qp.problem.objectives import Posture
@@ -28,15 +32,11 @@ from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.robots.collision.shapes import Shape
 from maira_qp.robots.robot import Robot
 from maira_qp.robots.srs import SRS
-from maira_qp.solvers.options import Options
-from maira_qp.solvers.solution import ACTIVE_WITHIN, Solution
 from maira_qp.solvers.solver import Solver
 
 Method = Literal["strict", "weighted", "none"]
 METHODS: tuple[Method, ...] = ("strict", "weighted", "none")
 
-PATIENCE = 0.25
-"""What a verdict among obstacles may take [s]."""
 FARTHEST = 2.5
 """How far the target may be dragged from the base, in lengths of the arm."""
 AT_REST = 1e-4
@@ -47,66 +47,6 @@ AWAY = 1e-4
 """An error [m, or rad] above this is not what is left of a motion that fades away."""
 RESTS = 20
 """Ticks after which a target that was not moved counts as put down."""
-APART = 0.1
-"""Solutions nearer to each other in every joint [rad, or m] are shown as one."""
-MOST_GHOSTS = 24
-
-
-@dataclass(frozen=True, eq=False)
-class Job:
-    """Something to find out, in any thread, and what to do with the answer between two ticks."""
-
-    think: Callable[[], Any]
-    write: Callable[[Any], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Verdict:
-    """What `solve` says of a target."""
-
-    target: pin.SE3
-    solution: Solution
-    seconds: float
-    """What the solve took [s]"""
-
-
-@dataclass(frozen=True, eq=False)
-class Ghosts:
-    """Solutions for a target, the best first, alike ones as one."""
-
-    target: pin.SE3
-    q: np.ndarray
-    """(k, n)"""
-    count: int
-    """How many there are with those that are alike"""
-    note: str = ""
-    """Why there are none"""
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """All that there is to see after a tick."""
-
-    q: np.ndarray
-    """(n,)"""
-    tool: pin.SE3
-    target: pin.SE3
-    position_error: float
-    """[m]"""
-    orientation_error: float
-    """[rad]"""
-    condition_number: float
-    at_limit: list[str]
-    """Joints at a limit, such as "joint4 upper" """
-    clearances: list[Clearance]
-    tick_seconds: float
-    """What the last control tick took [s]"""
-    verdict: Verdict | None
-    """On the target as it is, if it is known yet"""
-    ghosts: Ghosts | None
-    elbow: Elbow | None
-    notice: str
-    """Why distances are not known or obstacles not avoided, if so"""
 
 
 class Session:
@@ -134,7 +74,7 @@ class Session:
         self._still = 0
         self._target_still = 0
         self._tick_seconds = 0.0
-        self._verdict: Verdict | None = None
+        self._verdict: Verdict | None = verdict_on(self._solver, self.target, self.q)
         self._ghosts: Ghosts | None = None
         self._elbow: tuple[np.ndarray, Elbow | None] | None = None
         self._notice = ""
@@ -248,9 +188,11 @@ class Session:
     def next_job(self) -> Job | None:
         """What is to be found out next, if anything is; the solutions aside."""
         if "solver" in self._stale:
-            return self._taken("solver", Job(self._solver_builder(), self._use_solver))
+            given = self.robot, self.redundancy, self.obstacles, self.directories, self.is_avoiding
+            return self._taken("solver", Job(partial(fitted, *given), self._use_solver))
         if "verdict" in self._stale:
-            return self._taken("verdict", Job(self._judge(), self._use_verdict))
+            given = self._solver, self.target, self.q
+            return self._taken("verdict", Job(partial(verdict_on, *given), self._use_verdict))
         if self._srs is not None and self._still > 0 and not self._is_elbow_known:
             srs, q = self._srs, self.q
             return Job(lambda: (q, elbow_of(srs, q)), self._use_elbow)
@@ -260,8 +202,7 @@ class Session:
         """The solutions of a target that rests, if they are asked for: this may take seconds."""
         if not self.shows_ghosts or "ghosts" not in self._stale or self._target_still < RESTS:
             return None
-        solver, target = self._plain, self.target
-        return self._taken("ghosts", Job(lambda: ghosts_of(solver, target), self._use_ghosts))
+        return self._taken("ghosts", Job(partial(ghosts_of, self._plain, self.target), self._use_ghosts))
 
     @property
     def redundancy(self) -> Strict | Weighted | None:
@@ -327,39 +268,10 @@ class Session:
     def _rebuild(self) -> None:
         self._stale.add("solver")
 
-    def _solver_builder(self) -> Callable[[], tuple[Solver, CollisionLimit | None, str]]:
-        robot, redundancy, obstacles = self.robot, self.redundancy, self.obstacles
-        directories, is_avoiding = self.directories, self.is_avoiding
-
-        def build() -> tuple[Solver, CollisionLimit | None, str]:
-            if not obstacles:
-                return Solver(robot, redundancy=redundancy), None, ""
-            try:
-                limit = collision_limit(obstacles, directories)
-                if is_avoiding:
-                    options = Options(deadline=PATIENCE)
-                    solver = Solver(robot, redundancy=redundancy, limits=[limit], options=options)
-                    return solver, solver.limits[-1], ""  # type: ignore[return-value]
-                return Solver(robot, redundancy=redundancy), limit.of(robot), ""
-            except MairaError as reason:
-                return Solver(robot, redundancy=redundancy), None, str(reason)
-
-        return build
-
-    def _use_solver(self, answer: tuple[Solver, CollisionLimit | None, str]) -> None:
+    def _use_solver(self, answer: Fitted) -> None:
         self._solver, self._limit, self._notice = answer
         self._still = 0
         self._stale.add("verdict")
-
-    def _judge(self) -> Callable[[], Verdict]:
-        solver, target, q = self._solver, self.target, self.q
-
-        def judge() -> Verdict:
-            begin = time.perf_counter()
-            solution = solver.solve(target, q0=q)
-            return Verdict(target, solution, time.perf_counter() - begin)
-
-        return judge
 
     def _use_verdict(self, verdict: Verdict) -> None:
         self._verdict = verdict
@@ -394,34 +306,3 @@ class Session:
             elbow=self.elbow,
             notice=self._notice,
         )
-
-
-def limits_at(robot: Robot, q: np.ndarray) -> list[str]:
-    """The limits that q (n,) stands on, such as "joint4 upper"."""
-    sides = (q <= robot.lower + ACTIVE_WITHIN, "lower"), (q >= robot.upper - ACTIVE_WITHIN, "upper")
-    return [f"{name} {side}" for i, name in enumerate(robot.joint_names) for mask, side in sides if mask[i]]
-
-
-def bent_configuration(robot: Robot) -> np.ndarray:
-    """A configuration (n,) to begin with: of some near the middle and above the ground the least singular."""
-    rng = np.random.default_rng(0)
-    candidates = [robot.middle + 0.5 * (robot.random_configuration(rng) - robot.middle) for _ in range(300)]
-    ground = min(0.0, float(robot.at(robot.middle).placement().translation[2]))
-    above = [
-        q for q in candidates if min(robot.forward(q, link).translation[2] for link in robot.moved_links) >= ground
-    ]
-    return robot.clip(max(above or candidates, key=robot.manipulability))
-
-
-def ghosts_of(solver: Solver, target: pin.SE3) -> Ghosts:
-    """All solutions for a target, the best first; none, with the reason, where they are not known."""
-    try:
-        found = [each.q for each in solver.solutions(target)]
-    except OptionError as reason:
-        return Ghosts(target, np.empty((0, solver.robot.n)), 0, str(reason))
-    shown: list[np.ndarray] = []
-    for q in found:
-        if len(shown) < MOST_GHOSTS and all(np.abs(q - other).max() >= APART for other in shown):
-            shown.append(q)
-    note = "" if found else "no configuration within the joint limits reaches the target"
-    return Ghosts(target, np.array(shown).reshape(-1, solver.robot.n), len(found), note)

@@ -1,0 +1,112 @@
+"""What takes longer than a tick has time for: a verdict on a target, all solutions, a solver among other obstacles.
+
+Functions of what they are given, so that they may run in any thread.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from maira_qp.apps.viewer.surroundings import collision_limit
+from maira_qp.errors import MairaError, OptionError
+from maira_qp.problem.collision import CollisionLimit
+from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.robots.collision.shapes import Shape
+from maira_qp.robots.robot import Robot
+from maira_qp.solvers.options import Options
+from maira_qp.solvers.solution import Solution
+from maira_qp.solvers.solver import Solver
+
+PATIENCE = 0.25
+"""What a verdict among obstacles may take [s]."""
+APART = 0.5
+"""Solutions nearer to each other in every joint [rad, or m] are shown as one."""
+MOST_GHOSTS = 16
+
+
+class Job(NamedTuple):
+    """Something to find out, in any thread, and what to do with the answer between two ticks."""
+
+    think: Callable[[], Any]
+    write: Callable[[Any], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What `solve` says of a target."""
+
+    target: pin.SE3
+    solution: Solution
+    seconds: float
+    """What the solve took [s]"""
+
+
+def verdict_on(solver: Solver, target: pin.SE3, q0: np.ndarray) -> Verdict:
+    """Solve from q0 (n,)."""
+    begin = time.perf_counter()
+    solution = solver.solve(target, q0=q0)
+    return Verdict(target, solution, time.perf_counter() - begin)
+
+
+@dataclass(frozen=True, eq=False)
+class Ghosts:
+    """Solutions for a target, the best first, alike ones as one."""
+
+    target: pin.SE3
+    q: np.ndarray
+    """(k, n)"""
+    count: int
+    """How many there are with those that are alike"""
+    note: str = ""
+    """Why there are none"""
+
+
+def ghosts_of(solver: Solver, target: pin.SE3) -> Ghosts:
+    """All solutions for a target, the best first; none, with the reason, where they are not known."""
+    try:
+        found = [each.q for each in solver.solutions(target)]
+    except OptionError as reason:
+        return Ghosts(target, np.empty((0, solver.robot.n)), 0, str(reason))
+    shown: list[np.ndarray] = []
+    for q in found:
+        if len(shown) < MOST_GHOSTS and all(np.abs(q - other).max() >= APART for other in shown):
+            shown.append(q)
+    note = "" if found else "no configuration within the joint limits reaches the target"
+    return Ghosts(target, np.array(shown).reshape(-1, solver.robot.n), len(found), note)
+
+
+class Fitted(NamedTuple):
+    """A solver for what is in the way."""
+
+    solver: Solver
+    limit: CollisionLimit | None
+    """The arm against the obstacles; None: there are none, or distances are not known."""
+    notice: str
+    """Why obstacles are not minded, if so"""
+
+
+def fitted(
+    robot: Robot,
+    redundancy: Strict | Weighted | None,
+    obstacles: Mapping[str, Shape],
+    directories: Sequence[str],
+    is_avoiding: bool,
+) -> Fitted:
+    """A solver that keeps clear of the obstacles if it is to, and knows their distances if it can."""
+    if not obstacles:
+        return Fitted(Solver(robot, redundancy=redundancy), None, "")
+    limit = collision_limit(obstacles, directories)
+    try:
+        if is_avoiding:
+            options = Options(deadline=PATIENCE)
+            solver = Solver(robot, redundancy=redundancy, limits=[limit], options=options)
+            return Fitted(solver, solver.limits[-1], "")  # type: ignore[arg-type]
+        return Fitted(Solver(robot, redundancy=redundancy), limit.of(robot), "")
+    except MairaError as reason:
+        return Fitted(Solver(robot, redundancy=redundancy), None, str(reason))
