@@ -158,11 +158,14 @@ class JointsTab:
         self._scale = angles.write(np.ones(robot.n))
         self._sliders: list[Slider] = []
         for i, name in enumerate(robot.joint_names):
-            lower, upper = float(robot.lower[i] * self._scale[i]), float(robot.upper[i] * self._scale[i])
-            if not np.isfinite(upper - lower):
-                lower, upper = -WHOLE_TURN, WHOLE_TURN
-            value = min(max(float(session.q[i] * self._scale[i]), lower), upper)
             step = 0.1 if angles.units[i] == "deg" else 0.001
+            lower, upper = robot.lower[i] * self._scale[i], robot.upper[i] * self._scale[i]
+            if np.isfinite(upper - lower):  # rounded outwards: the session keeps the limits
+                lower, upper = step * np.floor(lower / step + 1e-6), step * np.ceil(upper / step - 1e-6)
+            else:
+                lower, upper = -WHOLE_TURN, WHOLE_TURN
+            lower, upper = round(float(lower), 4), round(float(upper), 4)
+            value = min(max(float(session.q[i] * self._scale[i]), lower), upper)
             handle = gui.add_slider(f"{name} [{angles.units[i]}]", lower, upper, step, value)
             self._sliders.append(Slider(handle, self._setter(ask, i)))
 

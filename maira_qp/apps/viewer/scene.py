@@ -56,7 +56,8 @@ class GhostDrawing:
     """An arm many times over, to be seen through."""
 
     def __init__(self, scene: viser.SceneApi, robot: Robot, bodies: list[Body]) -> None:
-        self._scene, self._robot, self._bodies = scene, robot, bodies
+        self._scene, self._robot = scene, robot
+        self._bodies = [body for body in bodies if body.link != robot.base]
         self._shown: object = None
         self._handles: list[viser.SceneNodeHandle] = []
 
@@ -238,6 +239,6 @@ def put(node: Any, T: pin.SE3) -> None:
 def frame_camera(camera: viser.InitialCameraConfig, robot: Robot) -> None:
     """Where the camera of a new tab stands: all of the arm and its reach are seen."""
     size = robot.length
-    camera.position = (0.75 * size, -1.05 * size, 0.75 * size)
-    camera.look_at = (0.12 * size, 0.05 * size, 0.3 * size)
+    camera.position = (0.85 * size, -1.25 * size, 0.85 * size)
+    camera.look_at = (0.15 * size, 0.05 * size, 0.3 * size)
     camera.fov = float(np.radians(45))

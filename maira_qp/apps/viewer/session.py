@@ -173,6 +173,8 @@ class Session:
             self.q = np.clip(self._motion.next(self.q, dt), self.robot.lower, self.robot.upper)
             if isinstance(self._motion, Replay):
                 self._target_to_tool()
+            if isinstance(self._motion, Swivel):
+                self._elbow = self.q, Elbow(self._motion.arc, self._motion.psi)
             if self._motion.is_done:
                 self._motion = None
         elif self._is_following:
@@ -219,8 +221,6 @@ class Session:
     @property
     def elbow(self) -> Elbow | None:
         """Where the elbow is on its arc, once that is known."""
-        if isinstance(self._motion, Swivel):
-            return Elbow(self._motion.arc, self._motion.psi)
         return self._elbow[1] if self._is_elbow_known and self._elbow is not None else None
 
     # Motions

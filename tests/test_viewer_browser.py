@@ -1,0 +1,317 @@
+"""The viewer as a person has it: in Chromium, without a screen and without a network."""
+
+import io
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import maira_qp as mq
+from maira_qp.apps.commands.robot_choice import RobotChoice
+from maira_qp.orientation import matrix_from_quaternion
+from maira_qp.robots.urdf_writer import urdf_text
+
+pytest.importorskip("viser", reason="the viewer needs viser")
+sync_api = pytest.importorskip("playwright.sync_api", reason="the browser is driven by playwright")
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed (Debian: apt-get install chromium)")
+
+FLAGS = [
+    "--no-sandbox",
+    "--headless=new",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--no-first-run",
+]
+SIZE = {"width": 900, "height": 600}
+PATIENCE = 40.0
+"""For what should come at once [s], on a machine that does much else."""
+
+
+class Tab:
+    """A tab of the browser that shows the viewer, and what it complained of."""
+
+    def __init__(self, context, viewer) -> None:
+        before = set(viewer.server.get_clients())
+        self.viewer, self.page = viewer, context.new_page()
+        self.complaints: list[str] = []
+        self.strangers: list[str] = []
+        self.page.on("console", lambda m: m.type == "error" and self.complaints.append(m.text))
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.on("request", self._asked)
+        self.page.goto(viewer.url)
+        self.wait(lambda: set(viewer.server.get_clients()) - before)
+        (self.client,) = set(viewer.server.get_clients()) - before
+        self.page.get_by_text("condition number").wait_for(timeout=1000 * PATIENCE)
+
+    def _asked(self, request) -> None:
+        if not request.url.startswith((self.viewer.url, "data:", "blob:")):
+            self.strangers.append(request.url)
+
+    def wait(self, condition: Callable[[], object]) -> None:
+        """Waits until something is true, while the browser goes on."""
+        end = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < end, "it did not come true in time"
+            self.page.wait_for_timeout(50)
+
+    def open(self, name: str) -> None:
+        """One of the panel's tabs."""
+        self.page.get_by_role("tab", name=name).click()
+
+    def click(self, name: str) -> None:
+        """A button."""
+        self.page.get_by_role("button", name=name).click()
+
+    def on_screen(self, point: np.ndarray) -> np.ndarray:
+        """Where a point (3,) [m] is seen (2,) [pixels]: a pinhole, x right, y down, z ahead."""
+        camera = self.viewer.server.get_clients()[self.client].camera
+        x, y, z = matrix_from_quaternion(camera.wxyz).T @ (point - camera.position)
+        focal = 0.5 * SIZE["height"] / np.tan(0.5 * camera.fov)
+        return 0.5 * np.array([SIZE["width"], SIZE["height"]]) + focal * np.array([x, y]) / z
+
+    def drag(self, begin: np.ndarray, end: np.ndarray) -> None:
+        """With the mouse, from one place on the screen (2,) to another."""
+        mouse = self.page.mouse
+        mouse.move(*begin)
+        self.page.wait_for_timeout(300)
+        mouse.down()
+        for share in np.linspace(0, 1, 8):
+            mouse.move(*((1 - share) * begin + share * end))
+            self.page.wait_for_timeout(40)
+        mouse.up()
+
+    def drag_target(self, axis: int, way: float) -> None:
+        """The target's gizmo by one of its arrows, so far [m] along it."""
+        from maira_qp.apps.viewer.scene import GIZMO
+
+        T = self.viewer.current.target
+        grip = T.translation + 0.75 * GIZMO * self.viewer.current.robot.length * T.rotation[:, axis]
+        self.drag(self.on_screen(grip), self.on_screen(grip + way * T.rotation[:, axis]))
+
+    def picture(self) -> np.ndarray:
+        """The scene as it is seen (height, width, 3), without the panel on its right."""
+        clip = {"x": 0, "y": 0, "width": SIZE["width"] - 360, "height": SIZE["height"]}
+        content = self.page.screenshot(clip=clip, timeout=1000 * PATIENCE)
+        return np.asarray(Image.open(io.BytesIO(content)).convert("RGB")).astype(int)
+
+
+@pytest.fixture(scope="module")
+def context() -> Iterator:
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        context = browser.new_context(viewport=SIZE)
+        yield context
+        context.close()
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def viewer(tmp_path_factory) -> Iterator:
+    from maira_qp.apps.viewer.server import Viewer
+
+    home = os.getcwd()
+    os.chdir(tmp_path_factory.mktemp("viewer"))
+    viewer = Viewer(RobotChoice(), port=0)
+    yield viewer
+    viewer.close()
+    os.chdir(home)
+
+
+@pytest.fixture(scope="module")
+def tab(context, viewer) -> Iterator[Tab]:
+    tab = Tab(context, viewer)
+    yield tab
+    tab.page.close()
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_complained_of(request) -> Iterator[None]:
+    """After each test: no error in the page's console, and nothing asked of any other machine."""
+    yield
+    if "tab" in request.fixturenames:
+        tab = request.getfixturevalue("tab")
+        assert tab.complaints == []
+        assert tab.strangers == []
+
+
+def test_it_is_served_to_this_machine_alone(viewer):
+    assert viewer.url.startswith("http://127.0.0.1:")
+
+
+def test_the_arm_is_drawn(tab, viewer):
+    """Where the arm is seen, there is another picture than that of the scene without it."""
+    with_arm = tab.picture()
+    arm = viewer.server.scene.get_handle_by_name("/arm")
+    arm.visible = False
+    tab.wait(lambda: (np.abs(tab.picture() - with_arm).max(axis=2) > 30).sum() > 500)
+    changed = np.abs(tab.picture() - with_arm).max(axis=2) > 30
+    column, row = tab.on_screen(viewer.current.robot.forward(viewer.current.q, "link4").translation).astype(int)
+    assert changed[row - 3 : row + 4, column - 3 : column + 4].all()
+    arm.visible = True
+    tab.wait(lambda: np.abs(tab.picture() - with_arm).mean() < 0.5)
+
+
+def test_dragging_the_target_moves_the_joints_until_the_tool_is_there(tab, viewer):
+    session = viewer.current
+    q, before = session.q, session.target
+    tab.drag_target(0, -0.15)
+    tab.wait(lambda: np.linalg.norm(session.target.translation - before.translation) > 0.05)
+    tab.wait(lambda: np.abs(mq.pose_error(session.robot.forward(session.q), session.target)).max() < 1e-6)
+    assert np.abs(session.q - q).max() > 0.02
+    way = before.rotation.T @ (session.target.translation - before.translation)
+    assert np.abs(way[1:]).max() < 1e-3 < abs(way[0])
+    tab.page.get_by_text("CONVERGED").wait_for(timeout=1000 * PATIENCE)
+
+
+def test_a_target_out_of_reach_is_told_and_comes_back(tab, viewer):
+    session = viewer.current
+    home = session.target.homogeneous
+    for way in (1.0, 2.0, 2.0):
+        far = home.copy()
+        far[:3, 3] += way
+        viewer.session("target", lambda session, far=far: session.move_target(far))
+        tab.page.wait_for_timeout(100)
+    tab.page.get_by_text("the pose was not reached").wait_for(timeout=1000 * PATIENCE)
+    viewer.session("target", lambda session: session.move_target(home))
+    tab.page.get_by_text("CONVERGED").wait_for(timeout=1000 * PATIENCE)
+    tab.wait(lambda: np.abs(mq.pose_error(session.robot.forward(session.q), session.target)).max() < 1e-6)
+
+
+def test_the_switch_and_the_weight_act(tab, viewer):
+    tab.open("Reach")
+    tab.page.get_by_label("Redundancy").click()
+    tab.page.get_by_role("option", name="Weighted").click()
+    tab.wait(lambda: viewer.current.method == "weighted")
+    tab.page.get_by_text("log10 weight").wait_for(timeout=1000 * PATIENCE)
+    weight = tab.page.get_by_role("slider").first
+    weight.focus()
+    for _ in range(5):
+        tab.page.keyboard.press("ArrowRight")
+    tab.wait(lambda: viewer.current.weight > 2e-3)
+    tab.page.get_by_label("Redundancy").click()
+    tab.page.get_by_role("option", name="Strict").click()
+    tab.wait(lambda: viewer.current.method == "strict")
+
+
+def test_the_swivel_slider_moves_the_elbow_and_not_the_tool(tab, viewer):
+    session = viewer.current
+    tab.wait(lambda: session.elbow is not None)
+    elbow, tool = session.robot.forward(session.q, "link4").translation, session.robot.forward(session.q)
+    slider = tab.page.get_by_role("slider").last
+    slider.focus()
+    for _ in range(40):
+        tab.page.keyboard.press("ArrowRight")
+    tab.wait(lambda: np.linalg.norm(session.robot.forward(session.q, "link4").translation - elbow) > 0.05)
+    assert np.abs(mq.pose_error(session.robot.forward(session.q), tool)).max() < 1e-6
+
+
+def test_all_solutions_are_shown_and_visited(tab, viewer):
+    session = viewer.current
+    tab.page.get_by_label("Show all solutions").click()
+    tab.page.get_by_text("arcs of solutions").wait_for(timeout=1000 * PATIENCE)
+    q = session.q
+    tab.click("Go to the next solution")
+    tab.wait(lambda: np.abs(session.q - q).max() > 0.3)
+    tab.page.get_by_label("Show all solutions").click()
+    tab.wait(lambda: not session.shows_ghosts)
+
+
+def test_a_joint_at_its_limit_is_named(tab, viewer):
+    tab.open("Joints")
+    field = tab.page.locator("input.mantine-NumberInput-input").nth(3)
+    field.fill("150")
+    field.press("Enter")
+    tab.wait(lambda: viewer.current.q[3] == viewer.current.robot.upper[3])
+    tab.page.get_by_text("joint4 upper").wait_for(timeout=1000 * PATIENCE)
+
+
+def test_obstacles_are_added_measured_and_removed(tab, viewer):
+    tab.open("Obstacles")
+    tab.click("Add a ball")
+    tab.click("Add a box")
+    tab.page.get_by_text("ball 1 - ").wait_for(timeout=1000 * PATIENCE)
+    tab.page.get_by_text("box 2 - ").wait_for(timeout=1000 * PATIENCE)
+    tab.page.get_by_label("Keep clear of them").click()
+    tab.wait(lambda: viewer.current.is_avoiding)
+    tab.page.get_by_label("Keep clear of them").click()
+    tab.click("Remove all")
+    tab.wait(lambda: not viewer.current.obstacles)
+
+
+def test_a_path_is_recorded_played_saved_and_downloaded(tab, viewer):
+    session = viewer.current
+    tab.open("Path")
+    tab.click("Play")  # nothing yet: the page says so, and goes on
+    tab.page.get_by_text("nothing is recorded yet").first.wait_for(timeout=1000 * PATIENCE)
+    tab.click("Record")
+    tab.wait(lambda: len(session.recording) > 20)
+    tab.click("End the recording")
+    tab.wait(lambda: not session.is_recording)
+    tab.click("Play")
+    tab.click("Save where the viewer runs")
+    tab.wait(lambda: Path("path.csv").exists())
+    rows = np.genfromtxt("path.csv", delimiter=",", names=True)
+    np.testing.assert_allclose(rows["q_joint1"], session.recording.q[:, 0])
+    with tab.page.expect_download(timeout=1000 * PATIENCE) as download:
+        tab.click("Download")
+    assert Path(download.value.path()).read_bytes() == Path("path.csv").read_bytes()
+    name = tab.page.locator("input[type=text]").last
+    name.fill("../path.csv")
+    name.press("Enter")
+    tab.page.wait_for_timeout(500)
+    tab.click("Save where the viewer runs")
+    tab.page.get_by_text("cannot be the file's name").wait_for(timeout=1000 * PATIENCE)
+    assert not Path("../path.csv").exists()
+
+
+def test_another_robot_is_picked_and_a_wrong_file_is_told(tab, viewer):
+    tab.open("Robot")
+    tab.page.locator("input[type=text]").nth(0).fill("nowhere.urdf")
+    tab.page.locator("input[type=text]").nth(0).press("Enter")
+    tab.page.wait_for_timeout(500)
+    tab.click("Load the file")
+    tab.page.get_by_text("cannot open the robot description").wait_for(timeout=1000 * PATIENCE)
+    assert viewer.current.robot.name == "maira"
+    with tab.page.expect_file_chooser() as chooser:
+        tab.click("Upload a file")
+    content = urdf_text(mq.Robot.iiwa14().dh).encode()
+    chooser.value.set_files({"name": "../arm.urdf", "mimeType": "text/xml", "buffer": content})
+    tab.wait(lambda: viewer.current.robot.name == "iiwa14")
+    tab.page.get_by_text("maira_qp: iiwa14").wait_for(timeout=1000 * PATIENCE)
+    tab.open("Robot")
+    tab.click("Show it")
+    tab.wait(lambda: viewer.current.robot.name == "maira")
+
+
+def test_two_tabs_show_the_same_arm_and_either_may_go(context, tab, viewer):
+    other = Tab(context, viewer)
+    session = viewer.current
+    before = session.target.translation
+    other.drag_target(2, -0.1)
+    other.wait(lambda: np.linalg.norm(session.target.translation - before) > 0.03)
+    other.page.close()
+    tab.wait(lambda: other.client not in viewer.server.get_clients())
+    before = session.target.translation
+    tab.drag_target(2, -0.1)
+    tab.wait(lambda: np.linalg.norm(session.target.translation - before) > 0.03)
+    assert other.complaints == []
+
+
+def test_a_tab_that_comes_back_finds_the_arm_where_it_was(tab, viewer):
+    q, clients = viewer.current.q, set(viewer.server.get_clients())
+    tab.page.reload()
+    tab.wait(lambda: set(viewer.server.get_clients()) - clients)
+    (tab.client,) = set(viewer.server.get_clients()) - clients
+    tab.page.get_by_text("condition number").wait_for(timeout=1000 * PATIENCE)
+    np.testing.assert_allclose(viewer.current.q, q, atol=1e-6)
+    before = viewer.current.target.translation
+    tab.drag_target(0, -0.1)
+    tab.wait(lambda: np.linalg.norm(viewer.current.target.translation - before) > 0.03)

@@ -1,0 +1,293 @@
+"""The viewer's session: what the arm does with what is asked of it, without a browser."""
+
+import contextlib
+import csv
+import io
+
+import numpy as np
+import pytest
+
+import maira_qp as mq
+from maira_qp.apps.pose_files.columns import layout
+from maira_qp.apps.viewer.answers import ghosts_of
+from maira_qp.apps.viewer.elbow import elbow_of
+from maira_qp.apps.viewer.recording import Recording, save
+from maira_qp.apps.viewer.session import FARTHEST, Session
+from maira_qp.apps.viewer.surroundings import MARGIN
+from maira_qp.apps.viewer.view import View
+from maira_qp.errors import MairaError, OptionError, PoseError
+from maira_qp.robots.srs import SRS
+
+DT = 1 / 60
+
+
+def run(session: Session, seconds: float) -> View:
+    """Ticks, with all jobs done at once between them."""
+    for _ in range(round(seconds / DT)):
+        before = session.q
+        view = session.tick(DT)
+        robot = session.robot
+        assert ((robot.lower <= view.q) & (view.q <= robot.upper)).all()
+        assert (np.abs(view.q - before) <= robot.velocity_limit * DT * (1 + 1e-12)).all()
+        while (job := session.next_job() or session.next_long_job()) is not None:
+            job.write(job.think())
+    return view
+
+
+def test_the_arm_follows_the_target_wherever_it_can_be_reached(maira, rng):
+    session = Session(maira)
+    for _ in range(5):
+        T = maira.forward(maira.random_configuration(rng))
+        session.move_target(T.homogeneous)
+        run(session, 5)
+        assert np.abs(mq.pose_error(maira.forward(session.q), T)).max() < 1e-6
+        assert session.tick(DT).verdict.solution.success
+
+
+def test_a_target_out_of_reach_is_told_and_the_arm_rests_at_the_nearest_point(maira):
+    session = Session(maira)
+    session.move_target(mq.pose([1000.0, 0.0, 0.4]).homogeneous)
+    view = run(session, 5)
+    assert np.linalg.norm(view.target.translation) == pytest.approx(FARTHEST * maira.length)
+    assert not view.verdict.solution.success
+    stretched = 0.7 + 0.7 + 0.115  # from the shoulder, of which the tool's part may point elsewhere
+    assert stretched - 0.115 < np.linalg.norm(view.tool.translation - [0, 0, 0.438]) < stretched + 1e-9
+    rest = view.q
+    assert np.abs(run(session, 0.5).q - rest).max() < 1e-6
+
+
+def test_a_target_that_is_no_pose_is_refused_and_moves_nothing(maira):
+    session = Session(maira)
+    q = session.q
+    with pytest.raises(PoseError):
+        session.move_target(np.full((4, 4), np.nan))
+    assert (run(session, 0.1).q == q).all()
+
+
+def test_a_joint_set_by_hand_stays_in_its_limits_and_takes_the_target_along(maira):
+    session = Session(maira)
+    session.set_joint(3, 100.0)
+    view = session.tick(DT)
+    assert view.q[3] == maira.upper[3]
+    assert view.at_limit == ["joint4 upper"]
+    assert view.position_error == view.orientation_error == 0
+
+
+@pytest.mark.parametrize("name", ["maira", "iiwa14"])
+def test_the_place_on_an_arc_is_that_of_the_configuration(name, rng, request):
+    robot = request.getfixturevalue(name)
+    srs = SRS.of(robot)
+    for _ in range(8):
+        q = robot.random_configuration(rng)
+        elbow = elbow_of(srs, q)
+        assert elbow is not None
+        assert elbow.arc.contains(elbow.psi)
+        np.testing.assert_allclose(elbow.arc.at(np.array(elbow.psi)), q, atol=1e-7)
+
+
+def test_the_swivel_moves_the_elbow_while_the_tool_stands_still(maira):
+    session = Session(maira)
+    before = run(session, 0.1)
+    elbow = maira.forward(before.q, "link4").translation
+    session.set_swivel(before.elbow.psi + 0.8)
+    for _ in range(60):
+        view = session.tick(DT)
+        assert np.abs(mq.pose_error(view.tool, before.tool)).max() < 1e-9
+    assert view.elbow.psi == pytest.approx(before.elbow.psi + 0.8)
+    assert np.linalg.norm(maira.forward(view.q, "link4").translation - elbow) > 0.1
+    assert run(session, 0.2).elbow.psi == pytest.approx(before.elbow.psi + 0.8)
+
+
+def test_an_arm_that_is_not_srs_has_no_swivel(ur5):
+    session = Session(ur5)
+    run(session, 0.1)
+    assert not session.has_swivel
+    with pytest.raises(OptionError, match="elbow"):
+        session.set_swivel(0.0)
+
+
+def test_a_weight_trades_the_pose_for_the_posture_and_strict_does_not(maira):
+    session = Session(maira)
+    errors = []
+    for method, weight in (("weighted", 1e-2), ("weighted", 1e-4), ("strict", 1e-2)):
+        session.use(method, weight)
+        view = run(session, 4)
+        errors.append(max(view.position_error, view.orientation_error))
+    assert 1e-4 < errors[1] < 0.1 * errors[0]
+    assert errors[2] < 1e-9
+
+
+def test_the_redundancy_is_one_of_three_and_the_weight_positive(maira):
+    session = Session(maira)
+    with pytest.raises(OptionError, match="strict, weighted, none"):
+        session.use("both", 1e-3)
+    with pytest.raises(OptionError, match="weight"):
+        session.use("weighted", -1.0)
+    assert session.method == "strict"
+
+
+def through_the_tool(session: Session) -> mq.Sphere:
+    """A ball on the straight way from the tool to a place across the arm."""
+    return mq.Sphere(0.12, mq.pose(session.target.translation + np.array([0.0, 0.3, 0.0])), name="ball")
+
+
+def test_distances_are_those_of_the_arm_to_the_ball(maira, rng):
+    session = Session(maira)
+    session.put_obstacle(through_the_tool(session))
+    run(session, 0.05)
+    (clearance,) = session.tick(DT).clearances
+    first, second = clearance.points
+    assert clearance.obstacle == "ball"
+    assert np.linalg.norm(second - first) == pytest.approx(clearance.distance, abs=1e-6)
+    assert np.linalg.norm(second - session.obstacles["ball"].pose.translation) == pytest.approx(0.12, abs=1e-6)
+    session.move_obstacle("ball", np.array([3.0, 0, 0]))
+    run(session, 0.05)
+    assert session.tick(DT).clearances[0].distance > clearance.distance + 1
+    session.remove_obstacles()
+    run(session, 0.05)
+    assert session.tick(DT).clearances == []
+
+
+@pytest.mark.parametrize("is_avoiding", [True, False])
+def test_the_arm_keeps_clear_of_a_ball_only_if_it_is_to(maira, is_avoiding):
+    session = Session(maira)
+    session.put_obstacle(through_the_tool(session))
+    session.avoid(is_avoiding)
+    run(session, 0.05)
+    T = session.target.homogeneous.copy()
+    T[1, 3] += 0.3
+    session.move_target(T)
+    least = np.inf
+    for _ in range(60):
+        least = min(least, run(session, DT).clearances[0].distance)
+    assert (least > MARGIN - 1e-4) == is_avoiding
+
+
+def test_a_robot_without_collision_shapes_says_why_distances_are_not_known():
+    text = mq.Robot.maira().urdf.replace("collision>", "ignored>")
+    session = Session(mq.Robot.from_urdf(text))
+    session.put_obstacle(mq.Sphere(0.1, name="ball"))
+    session.avoid(True)
+    view = run(session, 0.1)
+    assert view.clearances == []
+    assert "no collision shapes" in view.notice
+
+
+def test_every_ghost_is_a_solution_and_the_arm_goes_to_it(iiwa14):
+    session = Session(iiwa14)
+    session.show_ghosts(True)
+    view = run(session, 0.5)
+    ghosts = view.ghosts
+    assert len(ghosts.q) > 1
+    for q in ghosts.q:
+        assert np.abs(mq.pose_error(iiwa14.forward(q), view.target)).max() < 1e-9
+    session.go_to_ghost(1)
+    view = run(session, 6)
+    np.testing.assert_allclose(view.q, ghosts.q[1], atol=1e-12)
+    assert view.ghosts is ghosts
+    session.move_target(iiwa14.forward(iiwa14.middle).homogeneous)
+    assert session.tick(DT).ghosts is None
+
+
+def test_where_solutions_are_not_known_or_none_exist_the_reason_is_told(ur5, maira):
+    ghosts = ghosts_of(mq.Solver(maira), mq.pose([5, 0, 0]))
+    assert (len(ghosts.q), ghosts.count) == (0, 0)
+    assert "no configuration" in ghosts.note
+    ghosts = ghosts_of(mq.Solver(ur5), ur5.forward(ur5.middle + 0.3))
+    assert ghosts.note or len(ghosts.q)
+
+
+def test_a_recording_is_played_as_it_was(maira, rng):
+    session = Session(maira)
+    session.record(True)
+    session.move_target(maira.forward(maira.random_configuration(rng)).homogeneous)
+    run(session, 2)
+    session.record(False)
+    q = session.recording.q
+    assert len(q) == 120
+    assert session.recording.duration == pytest.approx(119 * DT)
+    session.set_joint(0, 0.0)
+    session.play()
+    played = np.array([session.tick(DT).q for _ in range(600)])
+    assert session.tick(DT).position_error < 1e-12  # the target went along
+    at = [int(np.abs(played - row).max(axis=1).argmin()) for row in q]
+    assert np.abs(played[at] - q).max() < 1e-6
+    moves = np.flatnonzero(np.abs(np.diff(q, axis=0)).max(axis=1) > 1e-3)  # where rows can be told apart
+    assert len(moves) > 20
+    assert (np.diff(np.array(at)[moves]) > 0).all()
+    np.testing.assert_allclose(played[-1], q[-1], atol=1e-12)
+
+
+def test_nothing_is_played_or_shown_that_is_not_there(maira):
+    session = Session(maira)
+    for asked in (session.play, lambda: session.go_to_ghost(0)):
+        with pytest.raises(OptionError):
+            asked()
+
+
+def recorded(robot: mq.Robot, rng: np.random.Generator, count: int = 5) -> Recording:
+    recording = Recording(robot)
+    for _ in range(count):
+        recording.add(robot.random_configuration(rng), 0.25)
+    return recording
+
+
+def test_a_saved_recording_reads_back(maira, rng, tmp_path):
+    recording = recorded(maira, rng)
+    csv_file, npz_file = save(recording, "way.csv", tmp_path), save(recording, "way.npz", tmp_path)
+    rows = list(csv.DictReader(io.StringIO(csv_file.read_text())))
+    assert layout(list(rows[0]), maira.joint_names).form == "quaternion"  # `solve --batch` takes it
+    q = np.array([[float(row[f"q_{name}"]) for name in maira.joint_names] for row in rows])
+    with np.load(npz_file) as arrays:
+        np.testing.assert_array_equal(arrays["q"], q)
+        np.testing.assert_array_equal(arrays["time"], 0.25 * np.arange(5))
+        np.testing.assert_array_equal(arrays["targets"], [maira.forward(row).homogeneous for row in recording.q])
+    np.testing.assert_array_equal(q, recording.q)
+    np.testing.assert_array_equal([float(row["time"]) for row in rows], recording.times)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../way.csv", "/tmp/way.csv", "way.py", ".way.csv", "a/b.csv", "a\\b.csv", "", ".csv", "way.csv\n", "x" * 200],
+)
+def test_a_recording_cannot_be_saved_elsewhere(name, maira, rng, tmp_path):
+    with pytest.raises(OptionError, match="name"):
+        save(recorded(maira, rng), name, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_replaces_no_file(maira, rng, tmp_path):
+    (tmp_path / "way.csv").write_text("mine")
+    (tmp_path / "link.csv").symlink_to(tmp_path / "nowhere")
+    for name in ("way.csv", "link.csv"):
+        with pytest.raises(OptionError, match="already"):
+            save(recorded(maira, rng), name, tmp_path)
+    assert (tmp_path / "way.csv").read_text() == "mine"
+    with pytest.raises(OptionError, match="nothing"):
+        save(Recording(maira), "empty.csv", tmp_path)
+
+
+def test_the_session_stands_whatever_is_asked_of_it_in_whatever_order(maira, rng):
+    """No sequence of requests leaves anything but a finite configuration within the limits."""
+    session = Session(maira)
+    requests = [
+        lambda: session.move_target(mq.pose(rng.uniform(-3, 3, 3), rpy=rng.uniform(-3, 3, 3)).homogeneous),
+        lambda: session.set_joint(int(rng.integers(7)), rng.uniform(-4, 4)),
+        lambda: session.set_swivel(rng.uniform(-4, 4)),
+        lambda: session.use(str(rng.choice(["strict", "weighted", "none"])), 10 ** rng.uniform(-6, 0)),
+        lambda: session.put_obstacle(mq.Sphere(0.1, mq.pose(rng.uniform(-1, 1, 3)), name="ball")),
+        lambda: session.remove_obstacles(),
+        lambda: session.record(bool(rng.integers(2))),
+        lambda: session.play(),
+        lambda: session.stop(),
+    ]
+    for _ in range(80):
+        with contextlib.suppress(MairaError):
+            requests[int(rng.integers(len(requests)))]()
+        for _ in range(int(rng.integers(4))):
+            view = session.tick(DT)
+            job = session.next_job()
+            if job is not None:
+                job.write(job.think())
+            assert ((maira.lower <= view.q) & (view.q <= maira.upper)).all()
+            assert np.isfinite([view.position_error, view.orientation_error]).all()
