@@ -13,6 +13,7 @@ from PIL import Image
 
 import maira_qp as mq
 from maira_qp.apps.commands.robot_choice import RobotChoice
+from maira_qp.apps.viewer.start import bent_configuration
 from maira_qp.orientation import matrix_from_quaternion
 from maira_qp.robots.urdf_writer import urdf_text
 
@@ -30,7 +31,7 @@ FLAGS = [
     "--disable-background-networking",
     "--no-first-run",
 ]
-SIZE = {"width": 900, "height": 600}
+SIZE = {"width": 1200, "height": 600}
 PATIENCE = 40.0
 """For what should come at once [s], on a machine that does much else."""
 
@@ -70,6 +71,19 @@ class Tab:
         """A button."""
         self.page.get_by_role("button", name=name).click()
 
+    def write(self, index: int, text: str) -> None:
+        """Into one of the fields of text or numbers that are seen."""
+        field = self.page.locator(".mantine-TextInput-input:visible, .mantine-NumberInput-input:visible").nth(index)
+        field.fill(text)
+        field.press("Enter")
+
+    def go_home(self) -> None:
+        """The arm is put to where it begins, where its target is in sight."""
+        q = bent_configuration(self.viewer.current.robot)
+        self.viewer.session("home", lambda session: [session.set_joint(i, q[i]) for i in range(len(q))])
+        self.wait(lambda: (self.viewer.current.q == q).all())
+        self.page.wait_for_timeout(500)
+
     def on_screen(self, point: np.ndarray) -> np.ndarray:
         """Where a point (3,) [m] is seen (2,) [pixels]: a pinhole, x right, y down, z ahead."""
         camera = self.viewer.server.get_clients()[self.client].camera
@@ -79,6 +93,7 @@ class Tab:
 
     def drag(self, begin: np.ndarray, end: np.ndarray) -> None:
         """With the mouse, from one place on the screen (2,) to another."""
+        self.page.bring_to_front()
         mouse = self.page.mouse
         mouse.move(*begin)
         self.page.wait_for_timeout(300)
@@ -226,9 +241,7 @@ def test_all_solutions_are_shown_and_visited(tab, viewer):
 
 def test_a_joint_at_its_limit_is_named(tab, viewer):
     tab.open("Joints")
-    field = tab.page.locator("input.mantine-NumberInput-input").nth(3)
-    field.fill("150")
-    field.press("Enter")
+    tab.write(3, "150")
     tab.wait(lambda: viewer.current.q[3] == viewer.current.robot.upper[3])
     tab.page.get_by_text("joint4 upper").wait_for(timeout=1000 * PATIENCE)
 
@@ -263,9 +276,7 @@ def test_a_path_is_recorded_played_saved_and_downloaded(tab, viewer):
     with tab.page.expect_download(timeout=1000 * PATIENCE) as download:
         tab.click("Download")
     assert Path(download.value.path()).read_bytes() == Path("path.csv").read_bytes()
-    name = tab.page.locator("input[type=text]").last
-    name.fill("../path.csv")
-    name.press("Enter")
+    tab.write(0, "../path.csv")
     tab.page.wait_for_timeout(500)
     tab.click("Save where the viewer runs")
     tab.page.get_by_text("cannot be the file's name").wait_for(timeout=1000 * PATIENCE)
@@ -274,8 +285,7 @@ def test_a_path_is_recorded_played_saved_and_downloaded(tab, viewer):
 
 def test_another_robot_is_picked_and_a_wrong_file_is_told(tab, viewer):
     tab.open("Robot")
-    tab.page.locator("input[type=text]").nth(0).fill("nowhere.urdf")
-    tab.page.locator("input[type=text]").nth(0).press("Enter")
+    tab.write(0, "nowhere.urdf")
     tab.page.wait_for_timeout(500)
     tab.click("Load the file")
     tab.page.get_by_text("cannot open the robot description").wait_for(timeout=1000 * PATIENCE)
@@ -292,6 +302,7 @@ def test_another_robot_is_picked_and_a_wrong_file_is_told(tab, viewer):
 
 
 def test_two_tabs_show_the_same_arm_and_either_may_go(context, tab, viewer):
+    tab.go_home()
     other = Tab(context, viewer)
     session = viewer.current
     before = session.target.translation
@@ -312,6 +323,7 @@ def test_a_tab_that_comes_back_finds_the_arm_where_it_was(tab, viewer):
     (tab.client,) = set(viewer.server.get_clients()) - clients
     tab.page.get_by_text("condition number").wait_for(timeout=1000 * PATIENCE)
     np.testing.assert_allclose(viewer.current.q, q, atol=1e-6)
+    tab.go_home()
     before = viewer.current.target.translation
     tab.drag_target(0, -0.1)
     tab.wait(lambda: np.linalg.norm(viewer.current.target.translation - before) > 0.03)

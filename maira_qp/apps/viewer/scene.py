@@ -240,5 +240,5 @@ def frame_camera(camera: viser.InitialCameraConfig, robot: Robot) -> None:
     """Where the camera of a new tab stands: all of the arm and its reach are seen."""
     size = robot.length
     camera.position = (0.85 * size, -1.25 * size, 0.85 * size)
-    camera.look_at = (0.15 * size, 0.05 * size, 0.3 * size)
+    camera.look_at = (0.25 * size, 0.05 * size, 0.3 * size)
     camera.fov = float(np.radians(45))

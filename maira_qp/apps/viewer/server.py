@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import logging
+import socket
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -48,7 +49,8 @@ class Viewer:
     @property
     def url(self) -> str:
         """Where it is served."""
-        return f"http://{self._server.get_host()}:{self._server.get_port()}"
+        host = self._server.get_host()
+        return f"http://{f'[{host}]' if ':' in host else host}:{self._server.get_port()}"
 
     @property
     def server(self) -> viser.ViserServer:
@@ -149,7 +151,9 @@ def _prepared(choice: RobotChoice) -> tuple[Session, Geometry]:
 
 
 def _serve(host: str, port: int) -> viser.ViserServer:
-    """A server without words on the terminal, and without a button that would share it with the world."""
+    """A server without words on the terminal, and without a button to share it with the world. Raises `OSError`."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    socket.create_server((host, 0), family=family).close()  # viser would look for a free port for ever
     with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=host, port=port, verbose=False)
     server.gui.configure_theme(
