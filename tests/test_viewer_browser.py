@@ -1,7 +1,6 @@
 """The viewer as a person has it: in Chromium, without a screen and without a network."""
 
 import io
-import os
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -129,15 +128,12 @@ def context() -> Iterator:
 
 
 @pytest.fixture(scope="module")
-def viewer(tmp_path_factory) -> Iterator:
+def viewer() -> Iterator:
     from maira_qp.apps.viewer.server import Viewer
 
-    home = os.getcwd()
-    os.chdir(tmp_path_factory.mktemp("viewer"))
     viewer = Viewer(RobotChoice(), port=0)
     yield viewer
     viewer.close()
-    os.chdir(home)
 
 
 @pytest.fixture(scope="module")
@@ -175,6 +171,7 @@ def test_the_arm_is_drawn(tab, viewer):
 
 
 def test_dragging_the_target_moves_the_joints_until_the_tool_is_there(tab, viewer):
+    tab.go_home()
     session = viewer.current
     q, before = session.q, session.target
     tab.drag_target(0, -0.15)
@@ -187,6 +184,7 @@ def test_dragging_the_target_moves_the_joints_until_the_tool_is_there(tab, viewe
 
 
 def test_a_target_out_of_reach_is_told_and_comes_back(tab, viewer):
+    tab.go_home()
     session = viewer.current
     home = session.target.homogeneous
     for way in (1.0, 2.0, 2.0):
@@ -217,6 +215,7 @@ def test_the_switch_and_the_weight_act(tab, viewer):
 
 
 def test_the_swivel_slider_moves_the_elbow_and_not_the_tool(tab, viewer):
+    tab.open("Reach")
     session = viewer.current
     tab.wait(lambda: session.elbow is not None)
     elbow, tool = session.robot.forward(session.q, "link4").translation, session.robot.forward(session.q)
@@ -229,6 +228,7 @@ def test_the_swivel_slider_moves_the_elbow_and_not_the_tool(tab, viewer):
 
 
 def test_all_solutions_are_shown_and_visited(tab, viewer):
+    tab.open("Reach")
     session = viewer.current
     tab.page.get_by_label("Show all solutions").click()
     tab.page.get_by_text("arcs of solutions").wait_for(timeout=1000 * PATIENCE)
@@ -259,7 +259,8 @@ def test_obstacles_are_added_measured_and_removed(tab, viewer):
     tab.wait(lambda: not viewer.current.obstacles)
 
 
-def test_a_path_is_recorded_played_saved_and_downloaded(tab, viewer):
+def test_a_path_is_recorded_played_saved_and_downloaded(tab, viewer, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     session = viewer.current
     tab.open("Path")
     tab.click("Play")  # nothing yet: the page says so, and goes on
@@ -309,6 +310,7 @@ def test_two_tabs_show_the_same_arm_and_either_may_go(context, tab, viewer):
     other.drag_target(2, -0.1)
     other.wait(lambda: np.linalg.norm(session.target.translation - before) > 0.03)
     other.page.close()
+    tab.go_home()
     tab.wait(lambda: other.client not in viewer.server.get_clients())
     before = session.target.translation
     tab.drag_target(2, -0.1)

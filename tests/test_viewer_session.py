@@ -163,6 +163,15 @@ def test_the_arm_keeps_clear_of_a_ball_only_if_it_is_to(maira, is_avoiding):
     assert (least > MARGIN - 1e-4) == is_avoiding
 
 
+def test_among_obstacles_a_target_out_of_reach_is_told_as_without_them(maira):
+    session = Session(maira)
+    session.put_obstacle(through_the_tool(session))
+    session.avoid(True)
+    session.move_target(mq.pose([1.9, 0.0, 0.4]).homogeneous)
+    view = run(session, 1)
+    assert view.verdict.solution.status in (mq.Status.NEAREST, mq.Status.UNREACHABLE)
+
+
 def test_a_robot_without_collision_shapes_says_why_distances_are_not_known():
     text = mq.Robot.maira().urdf.replace("collision>", "ignored>")
     session = Session(mq.Robot.from_urdf(text))

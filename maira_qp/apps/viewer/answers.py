@@ -47,8 +47,16 @@ class Verdict:
     """What the solve took [s]"""
 
 
-def verdict_on(solver: Solver, target: pin.SE3, q0: np.ndarray) -> Verdict:
-    """Solve from q0 (n,)."""
+def verdict_on(solver: Solver, plain: Solver, target: pin.SE3, q0: np.ndarray) -> Verdict:
+    """Solve from q0 (n,). What the plain solver, without obstacles, cannot reach is not sought among them for long."""
+    if any(isinstance(limit, CollisionLimit) for limit in solver.limits):
+        verdict = _timed(plain, target, q0)
+        if not verdict.solution.success:
+            return verdict
+    return _timed(solver, target, q0)
+
+
+def _timed(solver: Solver, target: pin.SE3, q0: np.ndarray) -> Verdict:
     begin = time.perf_counter()
     solution = solver.solve(target, q0=q0)
     return Verdict(target, solution, time.perf_counter() - begin)

@@ -239,6 +239,6 @@ def put(node: Any, T: pin.SE3) -> None:
 def frame_camera(camera: viser.InitialCameraConfig, robot: Robot) -> None:
     """Where the camera of a new tab stands: all of the arm and its reach are seen."""
     size = robot.length
-    camera.position = (0.85 * size, -1.25 * size, 0.85 * size)
-    camera.look_at = (0.25 * size, 0.05 * size, 0.3 * size)
+    camera.position = (0.75 * size, -1.1 * size, 0.75 * size)
+    camera.look_at = (0.2 * size, 0.05 * size, 0.28 * size)
     camera.fov = float(np.radians(45))

@@ -39,6 +39,8 @@ METHODS: tuple[Method, ...] = ("strict", "weighted", "none")
 
 FARTHEST = 2.5
 """How far the target may be dragged from the base, in lengths of the arm."""
+SMOOTHING = 0.05
+"""Share of the last tick in the time that is shown."""
 AT_REST = 1e-4
 """An arm that moves less in a tick [rad, or m] stands still."""
 STUCK = 15
@@ -74,7 +76,7 @@ class Session:
         self._still = 0
         self._target_still = 0
         self._tick_seconds = 0.0
-        self._verdict: Verdict | None = verdict_on(self._solver, self.target, self.q)
+        self._verdict: Verdict | None = verdict_on(self._solver, self._plain, self.target, self.q)
         self._ghosts: Ghosts | None = None
         self._elbow: tuple[np.ndarray, Elbow | None] | None = None
         self._notice = ""
@@ -193,7 +195,7 @@ class Session:
             given = self.robot, self.redundancy, self.obstacles, self.directories, self.is_avoiding
             return self._taken("solver", Job(partial(fitted, *given), self._use_solver))
         if "verdict" in self._stale:
-            given = self._solver, self.target, self.q
+            given = self._solver, self._plain, self.target, self.q
             return self._taken("verdict", Job(partial(verdict_on, *given), self._use_verdict))
         if self._srs is not None and self._still > 0 and not self._is_elbow_known:
             srs, q = self._srs, self.q
@@ -251,7 +253,8 @@ class Session:
         """One control tick; where ticks get no further, though the target can be reached, another way round."""
         begin = time.perf_counter()
         step = self._solver.step(self.q, self.target, dt, velocity=self._velocity)
-        self._tick_seconds = time.perf_counter() - begin
+        seconds = time.perf_counter() - begin
+        self._tick_seconds += SMOOTHING * (seconds - self._tick_seconds) if self._tick_seconds else seconds
         self.q, self._velocity = step.q, step.velocity
         verdict = self._verdict
         if self._still >= STUCK and verdict is not None and verdict.target is self.target and verdict.solution.success:

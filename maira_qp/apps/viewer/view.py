@@ -31,7 +31,7 @@ class View:
     """Joints at a limit, such as "joint4 upper" """
     clearances: list[Clearance]
     tick_seconds: float
-    """What the last control tick took [s]"""
+    """What control ticks take [s]"""
     verdict: Verdict | None
     """On the target as it is, if it is known yet"""
     ghosts: Ghosts | None
