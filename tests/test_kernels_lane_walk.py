@@ -129,7 +129,7 @@ def test_the_walks_are_those_of_the_plain_one(name, objective, rng):
 def test_nearly_all_walks_converge_and_soon_and_then_to_an_optimum(name, rng):
     robot = arm(name)
     problem = Problem(robot, Strict(mq.Posture()))
-    rows, starts = reached_starts(robot, rng, few(1000))
+    rows, starts = reached_starts(robot, rng, few(400))
     q, steps = walks(problem, rows, starts)
     assert (q >= robot.lower).all()
     assert (q <= robot.upper).all()

@@ -155,7 +155,7 @@ def test_strict_is_that_of_the_general_engine(name, rng):
 @pytest.mark.parametrize("task", [mq.PositionTask(), mq.OrientationTask()], ids=lambda task: type(task).__name__)
 def test_strict_is_that_of_the_general_engine_with_several_redundant_degrees_of_freedom(name, task, rng):
     """Three and four of them; the paths are longer, and may part."""
-    robot, count = arm(name), few(20)
+    robot, count = arm(name), max(few(20), 6)
     problem = Problem(robot, Strict(mq.Posture()), task)
     same, optimal, found = compare(problem, *reached_starts(robot, rng, count, task))
     assert same >= 0.8 * count

@@ -34,7 +34,6 @@ from maira_qp.kernels.trade_off import GRADIENT_SCALE
 # the entries of `settling`
 MAX_SETTLING, STATIONARITY_TOLERANCE = 0, 1
 FIRST_RADIUS, LEAST_RADIUS, RESTORING, RESTORED, RESOLUTION = 2, 3, 4, 5, 6
-SETTLING = 7
 
 MOST_STEPS = 30
 """A walk that has not converged by then hardly will."""
