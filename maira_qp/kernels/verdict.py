@@ -95,27 +95,28 @@ def verdict(arm, target, position_tolerance, orientation_tolerance, work, pieces
     delta = 1.6 * np.sqrt(change)
     if delta <= sine:
         delta = 2.11 * change / sine
+    if not delta <= LARGE:
+        return POSSIBLE
+    outside = 0
+    for elbow in range(2):
+        reason = _elbow(arm, cosine, sine, 1.0 - 2.0 * elbow, delta + ROUNDING)
+        outside += reason >= 0.0
+        for k in range(4 * elbow, 4 * elbow + 4):
+            pieces[k, 0, BEGIN], pieces[k, 0, END], pieces[k, 0, REASON] = -np.pi, np.pi, reason
+    if outside == 2:
+        return ELBOW_OUTSIDE
     g = np.sqrt(arm[ELBOW, FOREARM] ** 2 + arm[ELBOW, FOREARM + 1] ** 2)
     turned = (ball + g * delta) / distance
-    if not max(turned, delta) <= LARGE:  # then asin(x) <= 1.01 x
+    if not turned <= LARGE:  # up to there asin(x) <= 1.01 x
         return POSSIBLE
     shoulder = 1.01 * turned + ROUNDING
     wrist = shoulder + delta + orientation_tolerance
-    outside = 0
     for elbow in range(2):
-        sign = 1.0 - 2.0 * elbow
-        reason = _elbow(arm, cosine, sine, sign, delta + ROUNDING)
-        for k in range(4):
-            pieces[4 * elbow + k, 0, BEGIN], pieces[4 * elbow + k, 0, END] = -np.pi, np.pi
-            pieces[4 * elbow + k, 0, REASON] = reason
-        if reason >= 0.0:
-            outside += 1
-        elif not swing(arm, work.base, cosine, sine, sign, work.circles[elbow]) or _is_solved(
-            arm, work.circles[elbow], cosine, sine, sign
-        ):
-            return POSSIBLE
-    if outside == 2:
-        return ELBOW_OUTSIDE
+        if pieces[4 * elbow, 0, REASON] < 0.0:
+            sign, circles = 1.0 - 2.0 * elbow, work.circles[elbow]
+            known = swing(arm, work.base, cosine, sine, sign, circles)
+            if not known or _is_solved(arm, circles, cosine, sine, sign):
+                return POSSIBLE
     for elbow in range(2):
         if pieces[4 * elbow, 0, REASON] < 0.0 and not _is_covered(
             arm, work, elbow, shoulder, wrist, pieces[4 * elbow : 4 * elbow + 4]
