@@ -74,15 +74,7 @@ def verdict(arm, target, position_tolerance, orientation_tolerance, work, pieces
     is one arc, from -pi to pi.
     """
     distance = approach(arm, target, work.base)
-    total, farthest = 0.0, 0.0
-    for i in range(12):
-        total += 0.0 * target[i]
-        farthest = max(farthest, abs(target[i]) if i > 8 else 0.0)
-    if total != 0.0:
-        return POSSIBLE
-    lever = np.sqrt(arm[ELBOW, LEVER] ** 2 + arm[ELBOW, LEVER + 1] ** 2 + arm[ELBOW, LEVER + 2] ** 2)
-    rounding = ROUNDING * arm[ELBOW, LENGTH] + 1e-14 * farthest
-    ball = position_tolerance + lever * orientation_tolerance + rounding
+    ball = _ball(arm, target, position_tolerance, orientation_tolerance)
     smallest, largest = arm[ELBOW, SMALLEST], arm[ELBOW, LARGEST]
     if distance > largest + ball:
         return TOO_FAR
@@ -97,13 +89,7 @@ def verdict(arm, target, position_tolerance, orientation_tolerance, work, pieces
         delta = 2.11 * change / sine
     if not delta <= LARGE:
         return POSSIBLE
-    outside = 0
-    for elbow in range(2):
-        reason = _elbow(arm, cosine, sine, 1.0 - 2.0 * elbow, delta + ROUNDING)
-        outside += reason >= 0.0
-        for k in range(4 * elbow, 4 * elbow + 4):
-            pieces[k, 0, BEGIN], pieces[k, 0, END], pieces[k, 0, REASON] = -np.pi, np.pi, reason
-    if outside == 2:
+    if _elbows_outside(arm, cosine, sine, delta + ROUNDING, pieces) == 2:
         return ELBOW_OUTSIDE
     g = np.sqrt(arm[ELBOW, FOREARM] ** 2 + arm[ELBOW, FOREARM + 1] ** 2)
     turned = (ball + g * delta) / distance
@@ -123,6 +109,30 @@ def verdict(arm, target, position_tolerance, orientation_tolerance, work, pieces
         ):
             return POSSIBLE
     return SWIVEL_BLOCKED
+
+
+@bare_kernel
+def _ball(arm, target, position_tolerance, orientation_tolerance):
+    """How far [m] the wrist can be from where a target has it; NaN for what is not finite."""
+    total, farthest = 0.0, 0.0
+    for i in range(12):
+        total += 0.0 * target[i]
+        farthest = max(farthest, abs(target[i]) if i > 8 else 0.0)
+    lever = np.sqrt(arm[ELBOW, LEVER] ** 2 + arm[ELBOW, LEVER + 1] ** 2 + arm[ELBOW, LEVER + 2] ** 2)
+    rounding = ROUNDING * arm[ELBOW, LENGTH] + 1e-14 * farthest + total
+    return position_tolerance + lever * orientation_tolerance + rounding
+
+
+@bare_kernel
+def _elbows_outside(arm, cosine, sine, delta, pieces):
+    """How many of the elbow's angles are outside its limits by more than delta [rad]; the reasons go into `pieces`."""
+    outside = 0
+    for elbow in range(2):
+        reason = _elbow(arm, cosine, sine, 1.0 - 2.0 * elbow, delta)
+        outside += reason >= 0.0
+        for k in range(4 * elbow, 4 * elbow + 4):
+            pieces[k, 0, BEGIN], pieces[k, 0, END], pieces[k, 0, REASON] = -np.pi, np.pi, reason
+    return outside
 
 
 @bare_kernel
