@@ -214,6 +214,16 @@ class SRS:
         return smallest, largest
 
     @property
+    def span(self) -> tuple[float, float]:
+        """Smallest and largest distance [m] of shoulder and wrist within the limits of the elbow."""
+        low, high = self.robot.drawn_range[0][3], self.robot.drawn_range[1][3]
+        turns = np.arange(-8, 9) * np.pi  # to where the arm is stretched or folded
+        inner = self.phase + turns
+        angles = np.concatenate([[low, high], inner[(inner > low) & (inner < high)]])
+        distances = [float(np.linalg.norm(self._from_shoulder(q4))) for q4 in angles]
+        return min(distances), max(distances)
+
+    @property
     def phase(self) -> float:
         """phi [rad] of `|v(q_4)|^2 = k + rho cos(q_4 - phi)`: the elbow angle that stretches the arm."""
         u, g = self.elbow - self.shoulder, self.wrist - self.elbow  # u is at right angles to the axis

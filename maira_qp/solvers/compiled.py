@@ -69,9 +69,6 @@ EXACT = 1e-12
 LEAST_EXACT_DAMPING = 1e-14
 """Its `LEAST_DAMPING`, at the edge of rounding: more would slow it down where singular values are as small."""
 
-NEARING = 1
-"""Restarts toward a target that is proved to be out of reach, for a nearest point."""
-
 # the entries of `Compiled.redundancy`, before 2 n more: the reference and the weights of the posture
 KIND, WEIGHT = 0, 1
 NONE, WEIGHTED, STRICT = 0, 1, 2
@@ -206,7 +203,11 @@ class Compiled:
             if outcome[:, SUCCESS].min() > 0.0:
                 return
             proved, left = outcome[:, SUCCESS] == PROVED, outcome[:, SUCCESS] == 0.0
-            self._part(rows, starts, streams, shuffled, (0, min(NEARING, last)), np.flatnonzero(proved), q, outcome)
+            near = proved & (outcome[:, FINAL_COST] < np.inf)
+            self._part(rows, q, streams, shuffled, (0, 0), np.flatnonzero(near), q, outcome)
+            self._part(
+                rows, starts, streams, shuffled, (0, min(HEAD, last)), np.flatnonzero(proved & ~near), q, outcome
+            )
             self._part(rows, starts, streams, shuffled, (0, last), np.flatnonzero(left), q, outcome)
             outcome[proved, SUCCESS] = PROVED
             return
@@ -251,13 +252,14 @@ class Compiled:
             self.chain,
             self.settings,
             self.proofs.srs,
+            self.proofs.span,
             rows,
             streams,
             shuffled,
             np.empty(FLOATS),
             np.empty(INTEGERS, np.int64),
             np.empty((8, PIECES, 3)),
-            np.empty((20, 3)),
+            np.empty((24, 3)),
             q,
             outcome,
         )

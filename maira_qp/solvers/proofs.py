@@ -79,6 +79,8 @@ class Proofs:
     """How far the orientation may be off [rad]; inf: it is free"""
     srs: np.ndarray | None
     """(3, 80) see `maira_qp.kernels.swivel`, of an S-R-S arm whose whole pose is wanted"""
+    span: np.ndarray
+    """(2,) the smallest and largest distance [m] of its shoulder and wrist within the limits of the elbow"""
     options: Options
 
     @staticmethod
@@ -97,7 +99,8 @@ class Proofs:
                 srs = SRS.of(robot) if placed and turned else None
                 points = np.column_stack([places, near])
                 arm = None if srs is None else srs_array(srs)
-                return Proofs(robot, chain_of(robot), points, pivots(robot), turn, arm, options)
+                span = np.zeros(2) if srs is None else np.array(srs.span)
+                return Proofs(robot, chain_of(robot), points, pivots(robot), turn, arm, span, options)
         return None
 
     def unreachable(self, rows: np.ndarray) -> np.ndarray:
