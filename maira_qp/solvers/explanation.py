@@ -245,7 +245,7 @@ def _way(displacement: np.ndarray) -> str:
             share = vector / size
             name = f"tool {'-' if share[axis] < 0 else ''}{'xyz'[axis]}"
             if abs(share[axis]) < MOSTLY:
-                name = f"({', '.join(f'{x:.2f}' for x in share)}) of the tool"
+                name = f"({', '.join(f'{x + 0.0:.2f}' for x in share.round(2))}) of the tool"
             parts.append(f"{_amount(size, unit)} {word} {name}")
     return " and ".join(parts) or "nearly nothing"
 
