@@ -49,6 +49,7 @@ from maira_qp.robots.robot import Robot
 from maira_qp.robots.serial_chain import chain_of
 from maira_qp.solvers import descent, settling
 from maira_qp.solvers.descent import Budget
+from maira_qp.solvers.library import LIBRARY, starting_library
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.priorities import Priorities
 from maira_qp.solvers.proofs import Proofs
@@ -57,11 +58,6 @@ from maira_qp.solvers.targets import SEED_0, row_of
 
 CHUNK, CHUNK_OF_ATTEMPTS = 256, 80_000
 """Targets of a batch, and their attempts, that a thread takes up at a stretch: between two of them Ctrl-C is heard."""
-
-LIBRARY, CORNERS = 512, 128
-"""Configurations to start from whose poses are known, and how many of them at most have every joint on a limit.
-
-A pass over them costs a fraction of an iteration. Targets near a corner of the limits are the hardest to find."""
 
 EXACT = 1e-12
 """Errors [m, rad] at which a descent that is to be exact ends."""
@@ -140,7 +136,7 @@ class Compiled:
                 settling.RESOLUTION,
             ]
         )
-        chain, library = chain_of(robot), _library(robot)
+        chain, library = chain_of(robot), starting_library(robot)
         features = np.empty((LIBRARY // LANES, FEATURES, LANES))
         fill_library(settings, np.array([row_of(robot.at(q).placement(None)) for q in library]), features)
         proofs = Proofs.of(priorities, options)
@@ -424,25 +420,3 @@ def _posture(robot: Robot, redundancy: Weighted | Strict | None) -> np.ndarray |
         kind, weight = (STRICT, 0.0) if isinstance(redundancy, Strict) else (WEIGHTED, redundancy.weight)
         posture = objective if isinstance(objective, Posture) else objective.as_posture
     return np.concatenate([[kind, weight], posture.q_ref, posture.weights])
-
-
-def _library(robot: Robot) -> np.ndarray:
-    """Configurations (LIBRARY, n): corners of the limits, the others spread evenly."""
-    lower, upper = robot.drawn_range
-    all_of_them = 2**robot.n <= CORNERS
-    pick = np.arange(2**robot.n)[:, None] >> np.arange(robot.n) & 1 if all_of_them else _spread(CORNERS, robot.n) > 0.5
-    corners = np.where(pick, upper, lower)
-    share = _spread(LIBRARY - len(corners), robot.n)
-    return np.concatenate([corners, np.clip((1 - share) * lower + share * upper, lower, upper)])
-
-
-def _spread(count: int, n: int) -> np.ndarray:
-    """Points (count, n) that fill the unit cube evenly.
-
-    Point k is the fractional part of k a, a the powers of the root of x^(n + 1) = x + 1 (Roberts, "The unreasonable
-    effectiveness of quasirandom sequences", 2018).
-    """
-    root = 2.0
-    for _ in range(60):
-        root = (1 + root) ** (1 / (n + 1))
-    return (0.5 + np.outer(np.arange(count), root ** -np.arange(1.0, n + 1))) % 1

@@ -1,8 +1,7 @@
 """The solver: a robot, its tasks, limits and redundancy, and the verbs that answer with one result type.
 
-`solve` minimises `1/2 |W e(q)|^2` over `lower <= q <= upper`, e the pose error by the quaternion logarithm: a search
-over starts reaches the pose (search.py, descent.py), the redundancy is settled on the self-motion (settling.py), and
-the verdict is read off a fresh forward kinematics of the configuration that is returned.
+`solve` minimises `1/2 |W e(q)|^2` over `lower <= q <= upper`, e the pose error by the quaternion logarithm, by the
+compiled engine (compiled.py) where that takes the problem, else by the general one (general.py).
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ import math
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,33 +18,25 @@ import pinocchio as pin
 from maira_qp.arrays import is_native, real_array
 from maira_qp.errors import BackendError, ConfigurationError, OptionError, listed
 from maira_qp.problem.backends import Backend, available
-from maira_qp.problem.costs import TaskCost, tasks_toward
 from maira_qp.problem.limits import Limit, Tick
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
-from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
 from maira_qp.solvers.closest import check_preference, posture_at
-from maira_qp.solvers.descent import Budget
+from maira_qp.solvers.general import General, residual
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.priorities import FARTHEST, Priorities, Targets
-from maira_qp.solvers.search import Search, found_by_kernel, nearest, search, stationarity
 from maira_qp.solvers.setting import Setting
-from maira_qp.solvers.settling import settle
 from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, solution_of
-from maira_qp.solvers.targets import SEED_0, checked_seed, checked_starts, row_of, streams
+from maira_qp.solvers.targets import SEED_0, checked_seed, checked_starts, streams
 from maira_qp.solvers.tick import keeps_further_limits, tick
 
 if TYPE_CHECKING:
     from maira_qp.solvers.compiled import Compiled
     from maira_qp.solvers.compiled_tick import CompiledTick
-    from maira_qp.solvers.proofs import Proof, Proofs
     from maira_qp.solvers.solutions import Solutions
-
-TOGETHER = 30
-"""Restarts of the search for a configuration that meets the tasks of all levels at once: then no level has to yield."""
 
 Rng = np.random.Generator | int | None
 
@@ -94,8 +84,7 @@ class Solver:
         self._priorities = Priorities.of(robot, task, tasks, redundancy)
         options = options or Options()
         self._compiled: Compiled | None = None
-        self._screening: Compiled | None = None
-        """Knows all but the further limits"""
+        screening: Compiled | None = None
         self._compiled_tick: CompiledTick | None = None
         if backend in (None, "compiled"):
             from maira_qp.solvers.compiled import Compiled  # heavy: Numba comes with it
@@ -104,7 +93,7 @@ class Solver:
             self._compiled_tick = CompiledTick.of(self._priorities, options)
             possible = Compiled.of(self._priorities, options)
             if isinstance(possible, Compiled):
-                self._compiled, self._screening = (None, possible) if limits else (possible, None)
+                self._compiled, screening = (None, possible) if limits else (possible, None)
             if backend == "compiled" and self._compiled is None:
                 reason = possible if isinstance(possible, str) else "it has limits beside those of the joints"
                 raise BackendError(f"the compiled engine cannot take this: {reason}; {listed(available())}")
@@ -112,6 +101,7 @@ class Solver:
             backend = Backend("daqp" if backend in (None, "compiled") else backend)
         self._setting = Setting(robot, tuple(limit.of(robot) for limit in limits), backend, options)
         self._setting.admitted(robot.middle)  # the limits leave something
+        self._general = General(self._priorities, self._setting, self._compiled, screening)
 
     @property
     def options(self) -> Options:
@@ -187,11 +177,11 @@ class Solver:
         start = q0 if q0 is None or is_native(q0, (self.robot.n,)) else self._start(q0)
         engine = self._search_engine
         if engine is None or observe is not None or self.options.deadline is not None:
-            return self._solve(self._priorities.targets(target), self._start(start), seed, observe)
+            return self._general.solve(self._priorities.targets(target), self._start(start), seed, observe)
         native = self._native(target)
         fault, q, outcome, after = engine.solve(native, start, seed)
         if fault:  # said in words, or for the general engine
-            return self._solve(self._priorities.targets(target), self._start(start), seed)
+            return self._general.solve(self._priorities.targets(target), self._start(start), seed)
         found, _, spent, _, position, orientation, moved = outcome
         reached = optimal = found > 0.0
         gradient = cost = math.nan
@@ -199,7 +189,7 @@ class Solver:
             arrived, more, gradient, cost, position, orientation = after
             reached, spent, optimal = arrived > 0.0, spent + more, gradient <= self.options.stationarity_tolerance
         if not optimal or not (engine.settles or self._priorities.is_done_by_search):
-            return self._finish_compiled(q, outcome, self._priorities.targets(target))
+            return self._general.finish(q, outcome, self._priorities.targets(target))
         return solution_of(
             q=q,
             success=reached,
@@ -265,7 +255,7 @@ class Solver:
                     if postures is not None:
                         batch.put(i, self._closest(targets, postures[i], words))
                     else:
-                        batch.put(i, self._solve(targets, None if starts is None else starts[i], words))
+                        batch.put(i, self._general.solve(targets, None if starts is None else starts[i], words))
                 if progress is not None:
                     progress(i + 1, len(rows))
             return batch
@@ -278,7 +268,7 @@ class Solver:
         left = finite & ~batch.optimal if all_of_it else finite
         for i in range(len(rows)):
             if left[i]:
-                batch.put(i, self._finish_compiled(q[i], outcome[i].tolist(), self._priorities.of_row(rows[i])))
+                batch.put(i, self._general.finish(q[i], outcome[i].tolist(), self._priorities.of_row(rows[i])))
             if progress is not None and not all_of_it:
                 progress(i + 1, len(rows))
         return batch
@@ -318,6 +308,7 @@ class Solver:
         wish, settling = Strict(posture), copy(self)
         settling._priorities = replace(self._priorities, redundancy=wish)
         settling._compiled = None if self._compiled is None else self._compiled.preferring(wish)
+        settling._general = replace(self._general, priorities=settling._priorities, compiled=settling._compiled)
         return settling.solve(targets, q)
 
     def step(
@@ -355,7 +346,7 @@ class Solver:
             return step
         cost, wish = self._priorities.costs(targets)
         q_next, speed = tick(cost, wish, self.robot.at(q), self._setting, Tick(float(dt), now), deadline)
-        position, orientation = _residual(cost, self.robot.at(q_next))
+        position, orientation = residual(cost, self.robot.at(q_next))
         return Step(speed, q_next, position, orientation, self._setting)
 
     def _compiled_step(self, q: Any, target: Any, dt: float, velocity: Any) -> Step | None:
@@ -377,138 +368,6 @@ class Solver:
             return T
         (pose,) = self._priorities.targets(target).values()
         return np.ascontiguousarray(pose.homogeneous)
-
-    def _solve(
-        self,
-        targets: Targets,
-        q0: np.ndarray | None,
-        seed: np.ndarray,
-        observe: Callable[[np.ndarray], object] | None = None,
-    ) -> Solution:
-        """Search, then settle and judge."""
-        budget = Budget(self.options.deadline, observe)
-        cost, wish = self._priorities.costs(targets)
-        reached = self._reached(cost)
-        start = None if q0 is None else self._setting.admitted(q0)
-        rows = np.array([[row_of(pose) for pose in targets.values()]]).reshape(1, -1, 12)
-        stream = streams(rows, seed)
-        rng = lambda: np.random.default_rng(int(stream[0]))  # noqa: E731
-        found = None
-        if len(self._priorities.all_tasks) > len(self.tasks):
-            everything = tasks_toward(self._priorities.all_tasks, targets)
-            together = search(everything, start, self._setting, budget, rng, self._reached(everything), TOGETHER)
-            found = together if together.best.reached else None
-        if found is None and self._compiled is not None and observe is None and self._compiled.takes(start):
-            found = self._compiled.search(rows[0, 0], start, stream, bool(seed.any()), budget)
-        elif found is None and self._screening is not None and observe is None:
-            found = self._screened(cost, start, rows[0, 0], budget, rng(), reached)
-        elif found is None:
-            hopeless = lambda: self._proof(targets) is not None  # noqa: E731
-            found = search(cost, start, self._setting, budget, rng, reached, is_hopeless=hopeless)
-        moved = bool(start is not None and (start != q0).any())
-        return self._finish(found, cost, wish, reached, budget, moved, targets)
-
-    def _screened(
-        self,
-        cost: TaskCost,
-        start: np.ndarray | None,
-        row: np.ndarray,
-        budget: Budget,
-        rng: np.random.Generator,
-        reached: Callable[[Configuration], bool],
-    ) -> Search:
-        """Within further limits: from the start, where there is one, and then by screening."""
-        from maira_qp.solvers.screening import screen  # heavy: Numba comes with it
-
-        assert self._screening is not None
-        first = None
-        if start is not None:
-            first = search(cost, start, self._setting, budget, lambda: rng, reached, max_restarts=0)
-            if first.best.reached or budget.late():
-                return first
-        found = screen(self._screening, row, cost, self._setting, budget, rng, reached)
-        nearer = first is not None and not found.best.reached and first.best.cost < found.best.cost
-        return Search(first.best, found.restarts, found.proved) if first is not None and nearer else found
-
-    def _finish_compiled(self, q: np.ndarray, outcome: list[float], targets: Targets) -> Solution:
-        """From what the compiled search left in q (n,) and outcome (7,)."""
-        cost, wish = self._priorities.costs(targets)
-        found = found_by_kernel(self.robot, q, outcome)
-        budget = Budget(None, iterations=int(outcome[2]))
-        return self._finish(found, cost, wish, self._reached(cost), budget, outcome[6] > 0.0, targets)
-
-    @cached_property
-    def _proofs(self) -> Proofs | None:
-        from maira_qp.solvers.proofs import Proofs  # heavy: Numba comes with it
-
-        return Proofs.of(self._priorities, self.options) if self._compiled is None else self._compiled.proofs
-
-    def _proof(self, targets: Targets) -> Proof | None:
-        """That the targets cannot be reached, where it can be proved."""
-        return None if self._proofs is None else self._proofs.proof(targets)
-
-    def _reached(self, cost: TaskCost) -> Callable[[Configuration], bool]:
-        options = self.options
-
-        def reached(at: Configuration) -> bool:
-            position, orientation = _residual(cost, at)
-            near = position <= options.position_tolerance and orientation <= options.orientation_tolerance
-            return near and not (self._setting.is_bent and self._setting.violation(at))
-
-        return reached
-
-    def _finish(
-        self,
-        found: Search,
-        cost: TaskCost,
-        wish: Weighted | Strict | None,
-        reached: Callable[[Configuration], bool],
-        budget: Budget,
-        start_projected: bool,
-        targets: Targets,
-    ) -> Solution:
-        """From what the search found: the redundancy's optimum or the nearest point, and the verdict."""
-        setting, tolerance = self._setting, self.options.stationarity_tolerance
-        at, gradient = found.best.at, math.nan
-        if not found.best.reached:
-            at = nearest(cost, found.best, setting, budget).at
-            gradient = stationarity(cost, at, setting)
-        elif wish is not None:
-            settled = settle(wish, cost, at, setting, budget, reached)
-            at, gradient = settled.at, settled.projected_gradient
-        fresh = self.robot.at(self.robot.clip(at.q))
-        success = reached(fresh)
-        position, orientation = _residual(cost, fresh)
-        optimal = gradient <= tolerance or (success and wish is None)
-        stalled = Status.UNREACHABLE if found.proved else Status.NEAREST if optimal else Status.BUDGET_SPENT
-        return Solution(
-            q=fresh.q.copy(),
-            success=success,
-            status=Status.CONVERGED if success else stalled,
-            position_error=position,
-            orientation_error=orientation,
-            iterations=budget.iterations,
-            restarts=found.restarts,
-            cost=_objective_cost(wish, fresh),
-            projected_gradient=gradient,
-            optimal=optimal,
-            start_projected=start_projected,
-            backend=self.backend,
-            _setting=self._setting,
-            _asked=(self._priorities, targets),
-        )
-
-
-def _objective_cost(wish: Weighted | Strict | None, at: Configuration) -> float:
-    if wish is None:
-        return math.nan
-    return (wish.objectives[0] if isinstance(wish, Strict) else wish.objective).cost(at)
-
-
-def _residual(cost: TaskCost, at: Configuration) -> tuple[float, float]:
-    """The largest position error [m] and orientation error [rad] of all tasks."""
-    residuals = [task.residual(at) for task in cost.tasks]
-    return max(r[0] for r in residuals), max(r[1] for r in residuals)
 
 
 def _check_type(value: Any, types: Any, name: str, example: str) -> None:

@@ -1,0 +1,179 @@
+"""The general engine of a solve: any tasks, any limits, any QP backend; and what the compiled engine leaves to it.
+
+A search over starts reaches the tasks (search.py, screening.py, descent.py), the redundancy is settled on the
+self-motion (settling.py), and the verdict is read off a fresh forward kinematics of the configuration that is returned.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from maira_qp.problem.costs import TaskCost, tasks_toward
+from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.robots.configuration import Configuration
+from maira_qp.solvers.descent import Budget
+from maira_qp.solvers.priorities import Priorities, Targets
+from maira_qp.solvers.search import Search, found_by_kernel, nearest, search, stationarity
+from maira_qp.solvers.setting import Setting
+from maira_qp.solvers.settling import settle
+from maira_qp.solvers.solution import Solution, Status
+from maira_qp.solvers.targets import row_of, streams
+
+if TYPE_CHECKING:
+    from maira_qp.solvers.compiled import Compiled
+    from maira_qp.solvers.proofs import Proofs
+
+TOGETHER = 30
+"""Restarts of the search for a configuration that meets the tasks of all levels at once: then no level has to yield."""
+
+Reached = Callable[[Configuration], bool]
+
+
+@dataclass(frozen=True)
+class General:
+    """What is asked, and who helps to find it."""
+
+    priorities: Priorities
+    setting: Setting
+    compiled: Compiled | None
+    """Searches in compiled code, where it can"""
+    screening: Compiled | None
+    """Knows all but the further limits, where that is what is missing"""
+
+    def solve(
+        self,
+        targets: Targets,
+        q0: np.ndarray | None,
+        seed: np.ndarray,
+        observe: Callable[[np.ndarray], object] | None = None,
+    ) -> Solution:
+        """Search, then settle and judge."""
+        budget = Budget(self.setting.options.deadline, observe)
+        cost, wish = self.priorities.costs(targets)
+        reached = self._reached(cost)
+        start = None if q0 is None else self.setting.admitted(q0)
+        rows = np.array([[row_of(pose) for pose in targets.values()]]).reshape(1, -1, 12)
+        stream = streams(rows, seed)
+        rng = lambda: np.random.default_rng(int(stream[0]))  # noqa: E731
+        found = None
+        if len(self.priorities.all_tasks) > len(self.priorities.first):
+            everything = tasks_toward(self.priorities.all_tasks, targets)
+            together = search(everything, start, self.setting, budget, rng, self._reached(everything), TOGETHER)
+            found = together if together.best.reached else None
+        if found is None and self.compiled is not None and observe is None and self.compiled.takes(start):
+            found = self.compiled.search(rows[0, 0], start, stream, bool(seed.any()), budget)
+        elif found is None and self.screening is not None and observe is None:
+            found = self._screened(cost, start, rows[0, 0], budget, rng(), reached)
+        elif found is None:
+            hopeless = lambda: self._is_hopeless(targets)  # noqa: E731
+            found = search(cost, start, self.setting, budget, rng, reached, is_hopeless=hopeless)
+        moved = bool(start is not None and (start != q0).any())
+        return self._finish(found, cost, wish, reached, budget, moved, targets)
+
+    def _screened(
+        self,
+        cost: TaskCost,
+        start: np.ndarray | None,
+        row: np.ndarray,
+        budget: Budget,
+        rng: np.random.Generator,
+        reached: Reached,
+    ) -> Search:
+        """Within further limits: from the start, where there is one, and then by screening."""
+        from maira_qp.solvers.screening import screen  # heavy: Numba comes with it
+
+        assert self.screening is not None
+        first = None
+        if start is not None:
+            first = search(cost, start, self.setting, budget, lambda: rng, reached, max_restarts=0)
+            if first.best.reached or budget.late():
+                return first
+        found = screen(self.screening, row, cost, self.setting, budget, rng, reached)
+        nearer = first is not None and not found.best.reached and first.best.cost < found.best.cost
+        return Search(first.best, found.restarts, found.proved) if first is not None and nearer else found
+
+    def finish(self, q: np.ndarray, outcome: list[float], targets: Targets) -> Solution:
+        """From what the compiled search left in q (n,) and outcome (7,)."""
+        cost, wish = self.priorities.costs(targets)
+        found = found_by_kernel(self.setting.robot, q, outcome)
+        budget = Budget(None, iterations=int(outcome[2]))
+        return self._finish(found, cost, wish, self._reached(cost), budget, outcome[6] > 0.0, targets)
+
+    @cached_property
+    def _proofs(self) -> Proofs | None:
+        from maira_qp.solvers.proofs import Proofs  # heavy: Numba comes with it
+
+        return Proofs.of(self.priorities, self.setting.options) if self.compiled is None else self.compiled.proofs
+
+    def _is_hopeless(self, targets: Targets) -> bool:
+        """It is proved that the targets cannot be reached."""
+        return self._proofs is not None and self._proofs.proof(targets) is not None
+
+    def _reached(self, cost: TaskCost) -> Reached:
+        options = self.setting.options
+
+        def reached(at: Configuration) -> bool:
+            position, orientation = residual(cost, at)
+            near = position <= options.position_tolerance and orientation <= options.orientation_tolerance
+            return near and not (self.setting.is_bent and self.setting.violation(at))
+
+        return reached
+
+    def _finish(
+        self,
+        found: Search,
+        cost: TaskCost,
+        wish: Weighted | Strict | None,
+        reached: Reached,
+        budget: Budget,
+        start_projected: bool,
+        targets: Targets,
+    ) -> Solution:
+        """From what the search found: the redundancy's optimum or the nearest point, and the verdict."""
+        setting, tolerance = self.setting, self.setting.options.stationarity_tolerance
+        at, gradient = found.best.at, math.nan
+        if not found.best.reached:
+            at = nearest(cost, found.best, setting, budget).at
+            gradient = stationarity(cost, at, setting)
+        elif wish is not None:
+            settled = settle(wish, cost, at, setting, budget, reached)
+            at, gradient = settled.at, settled.projected_gradient
+        fresh = self.setting.robot.at(self.setting.robot.clip(at.q))
+        success = reached(fresh)
+        position, orientation = residual(cost, fresh)
+        optimal = gradient <= tolerance or (success and wish is None)
+        stalled = Status.UNREACHABLE if found.proved else Status.NEAREST if optimal else Status.BUDGET_SPENT
+        return Solution(
+            q=fresh.q.copy(),
+            success=success,
+            status=Status.CONVERGED if success else stalled,
+            position_error=position,
+            orientation_error=orientation,
+            iterations=budget.iterations,
+            restarts=found.restarts,
+            cost=_objective_cost(wish, fresh),
+            projected_gradient=gradient,
+            optimal=optimal,
+            start_projected=start_projected,
+            backend=self.setting.backend.name if self.compiled is None else "compiled",
+            _setting=self.setting,
+            _asked=(self.priorities, targets),
+        )
+
+
+def _objective_cost(wish: Weighted | Strict | None, at: Configuration) -> float:
+    if wish is None:
+        return math.nan
+    return (wish.objectives[0] if isinstance(wish, Strict) else wish.objective).cost(at)
+
+
+def residual(cost: TaskCost, at: Configuration) -> tuple[float, float]:
+    """The largest position error [m] and orientation error [rad] of all tasks."""
+    residuals = [task.residual(at) for task in cost.tasks]
+    return max(r[0] for r in residuals), max(r[1] for r in residuals)
