@@ -389,8 +389,8 @@ def test_an_interrupt_from_the_progress_callback_stops_a_batch(maira, rng):
 
 
 def test_a_part_of_a_batch_is_a_batch_and_a_pickle_needs_no_robot(maira, rng):
-    targets = [maira.forward(q) for q in (maira.upper, maira.random_configuration(rng), maira.lower)]
-    batch = mq.Solver(maira).solve_batch(targets)
+    q = np.array([maira.upper, maira.random_configuration(rng), maira.lower])
+    batch = mq.Solver(maira).solve_batch([maira.forward(each) for each in q], q)
     part, copy, one = batch[1:], pickle.loads(pickle.dumps(batch)), pickle.loads(pickle.dumps(batch[0]))
     assert isinstance(part, mq.BatchSolution)
     assert np.array_equal(part.q, batch.q[1:])
