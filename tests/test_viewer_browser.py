@@ -30,7 +30,8 @@ FLAGS = [
     "--disable-background-networking",
     "--no-first-run",
 ]
-SIZE = {"width": 1200, "height": 600}
+SIZE = {"width": 960, "height": 480}
+"""Of the page [pixels]: small, for the processor draws it."""
 PATIENCE = 40.0
 """For what should come at once [s], on a machine that does much else."""
 
@@ -192,7 +193,7 @@ def test_a_target_out_of_reach_is_told_and_comes_back(tab, viewer):
         far[:3, 3] += way
         viewer.session("target", lambda session, far=far: session.move_target(far))
         tab.page.wait_for_timeout(100)
-    tab.page.get_by_text("the pose was not reached").wait_for(timeout=1000 * PATIENCE)
+    tab.page.get_by_text("proved out of reach").wait_for(timeout=1000 * PATIENCE)
     viewer.session("target", lambda session: session.move_target(home))
     tab.page.get_by_text("CONVERGED").wait_for(timeout=1000 * PATIENCE)
     tab.wait(lambda: np.abs(mq.pose_error(session.robot.forward(session.q), session.target)).max() < 1e-6)
@@ -216,6 +217,7 @@ def test_the_switch_and_the_weight_act(tab, viewer):
 
 def test_the_swivel_slider_moves_the_elbow_and_not_the_tool(tab, viewer):
     tab.open("Reach")
+    tab.go_home()
     session = viewer.current
     tab.wait(lambda: session.elbow is not None)
     elbow, tool = session.robot.forward(session.q, "link4").translation, session.robot.forward(session.q)
@@ -229,6 +231,7 @@ def test_the_swivel_slider_moves_the_elbow_and_not_the_tool(tab, viewer):
 
 def test_all_solutions_are_shown_and_visited(tab, viewer):
     tab.open("Reach")
+    tab.go_home()
     session = viewer.current
     tab.page.get_by_label("Show all solutions").click()
     tab.page.get_by_text("arcs of solutions").wait_for(timeout=1000 * PATIENCE)
@@ -319,13 +322,13 @@ def test_two_tabs_show_the_same_arm_and_either_may_go(context, tab, viewer):
 
 
 def test_a_tab_that_comes_back_finds_the_arm_where_it_was(tab, viewer):
+    tab.go_home()
     q, clients = viewer.current.q, set(viewer.server.get_clients())
     tab.page.reload()
     tab.wait(lambda: set(viewer.server.get_clients()) - clients)
     (tab.client,) = set(viewer.server.get_clients()) - clients
     tab.page.get_by_text("condition number").wait_for(timeout=1000 * PATIENCE)
-    np.testing.assert_allclose(viewer.current.q, q, atol=1e-6)
-    tab.go_home()
+    np.testing.assert_array_equal(viewer.current.q, q)
     before = viewer.current.target.translation
     tab.drag_target(0, -0.1)
     tab.wait(lambda: np.linalg.norm(viewer.current.target.translation - before) > 0.03)

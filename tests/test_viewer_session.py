@@ -9,10 +9,12 @@ import pytest
 
 import maira_qp as mq
 from maira_qp.apps.pose_files.columns import layout
+from maira_qp.apps.viewer import readout
 from maira_qp.apps.viewer.answers import ghosts_of
 from maira_qp.apps.viewer.elbow import elbow_of
 from maira_qp.apps.viewer.recording import Recording, save
 from maira_qp.apps.viewer.session import FARTHEST, Session
+from maira_qp.apps.viewer.start import bent_configuration
 from maira_qp.apps.viewer.surroundings import MARGIN
 from maira_qp.apps.viewer.view import View
 from maira_qp.errors import MairaError, OptionError, PoseError
@@ -57,6 +59,31 @@ def test_a_target_out_of_reach_is_told_and_the_arm_rests_at_the_nearest_point(ma
     assert np.abs(run(session, 0.5).q - rest).max() < 1e-6
 
 
+def test_why_a_target_is_not_reached_is_told_once_it_rests(maira):
+    """The joint that has to go further, by as much as it was bent too far, and its limit."""
+    q = bent_configuration(maira)
+    q[3] = maira.upper[3] + np.radians(3)
+    session = Session(maira)
+    session.move_target(maira.released(["joint4 upper"]).forward(q).homogeneous)
+    assert run(session, 0.2).verdict.reason is None
+    verdict = run(session, 1).verdict
+    assert verdict.reason.blocking == ("joint4 upper",)
+    assert readout.reason(verdict) in readout.readout(session.tick(DT))
+    assert "With joint4 3.0° beyond its upper limit it would be reached." in readout.reason(verdict)
+    session.move_target(mq.pose([1000.0, 0, 0.4]).homogeneous)
+    verdict = run(session, 1).verdict
+    assert verdict.solution.status is mq.Status.UNREACHABLE
+    assert verdict.solution.proof.words in readout.reason(verdict)
+    session.move_target(maira.forward(session.q).homogeneous)
+    assert run(session, 1).verdict.reason is None
+
+
+def test_a_weight_that_holds_the_tool_off_is_the_reason(maira):
+    session = Session(maira)
+    session.use("weighted", 1e-1)
+    assert "weight of the posture" in readout.reason(run(session, 1).verdict)
+
+
 def test_a_target_that_is_no_pose_is_refused_and_moves_nothing(maira):
     session = Session(maira)
     q = session.q
@@ -82,24 +109,40 @@ def test_the_place_on_an_arc_is_that_of_the_configuration(name, rng, request):
         q = robot.random_configuration(rng)
         elbow = elbow_of(srs, q)
         assert elbow is not None
-        assert elbow.arc.contains(elbow.psi)
-        np.testing.assert_allclose(elbow.arc.at(np.array(elbow.psi)), q, atol=1e-7)
+        assert elbow.curve.contains(elbow.psi)
+        np.testing.assert_allclose(elbow.curve.at(np.array(elbow.psi)), q, atol=1e-7)
 
 
-def test_the_swivel_moves_the_elbow_while_the_tool_stands_still(maira):
-    session = Session(maira)
+@pytest.mark.parametrize(("name", "link"), [("maira", "link4"), ("panda", "panda_link4")])
+def test_the_swivel_moves_the_elbow_while_the_tool_stands_still(name, link, request):
+    """In closed form, and along a self-motion that was walked."""
+    robot = request.getfixturevalue(name)
+    session = Session(robot)
     before = run(session, 0.1)
-    elbow = maira.forward(before.q, "link4").translation
+    elbow = robot.forward(before.q, link).translation
     session.set_swivel(before.elbow.psi + 0.8)
-    for _ in range(60):
+    for _ in range(120):
         view = session.tick(DT)
-        assert np.abs(mq.pose_error(view.tool, before.tool)).max() < 1e-9
+        assert np.abs(mq.pose_error(view.tool, before.tool)).max() < 1e-6
     assert view.elbow.psi == pytest.approx(before.elbow.psi + 0.8)
-    assert np.linalg.norm(maira.forward(view.q, "link4").translation - elbow) > 0.1
-    assert run(session, 0.2).elbow.psi == pytest.approx(before.elbow.psi + 0.8)
+    assert np.linalg.norm(robot.forward(view.q, link).translation - elbow) > 0.05
+    view = run(session, 0.2)
+    assert view.elbow.psi == pytest.approx(before.elbow.psi + 0.8)
+    assert view.elbow.curve is before.elbow.curve
 
 
-def test_an_arm_that_is_not_srs_has_no_swivel(ur5):
+def test_the_swivel_ends_at_a_limit_that_is_named(panda):
+    session = Session(panda)
+    elbow = run(session, 0.1).elbow
+    for end in (elbow.curve.upper, elbow.curve.lower):
+        session.set_swivel(end + np.sign(end))
+        view = run(session, 10)
+        assert view.elbow.psi == end
+        assert view.at_limit
+        assert view.at_limit[0] in readout.ends(panda, view.elbow)
+
+
+def test_an_arm_that_is_not_redundant_has_no_swivel(ur5):
     session = Session(ur5)
     run(session, 0.1)
     assert not session.has_swivel
@@ -199,12 +242,32 @@ def test_every_ghost_is_a_solution_and_the_arm_goes_to_it(iiwa14):
     assert session.tick(DT).ghosts is None
 
 
-def test_where_solutions_are_not_known_or_none_exist_the_reason_is_told(ur5, maira):
+def test_where_solutions_cannot_be_listed_or_none_exist_the_reason_is_told(maira):
     ghosts = ghosts_of(mq.Solver(maira), mq.pose([5, 0, 0]))
-    assert (len(ghosts.q), ghosts.count) == (0, 0)
+    assert (len(ghosts.q), len(ghosts.found)) == (0, 0)
     assert "no configuration" in ghosts.note
-    ghosts = ghosts_of(mq.Solver(ur5), ur5.forward(ur5.middle + 0.3))
-    assert ghosts.note or len(ghosts.q)
+    ghosts = ghosts_of(mq.Solver(maira, task=mq.PositionTask()), maira.forward(maira.middle))
+    assert ghosts.found is None
+    assert "PoseTask" in ghosts.note
+
+
+@pytest.mark.parametrize(("name", "method"), [("ur5", "closed form"), ("panda", "numerical")])
+def test_arms_of_all_kinds_have_ghosts_that_look_different(name, method, request):
+    """Solutions of UR5 that differ by whole turns look alike, and are shown once."""
+    if name == "ur5":
+        pytest.importorskip("eaik")
+    robot = request.getfixturevalue(name)
+    session = Session(robot)
+    session.show_ghosts(True)
+    view = run(session, 0.5)
+    assert method in view.ghosts.found.method
+    places = [np.array([robot.forward(q, link).homogeneous for link in robot.moved_links]) for q in view.ghosts.q]
+    for i, place in enumerate(places):
+        assert np.abs(mq.pose_error(robot.forward(view.ghosts.q[i]), view.target)).max() < 1e-6
+        assert all(np.abs(place - other).max() > 0.05 for other in places[:i])
+    assert 1 < len(places) <= len(view.ghosts.found)
+    assert method in readout.solutions(session, view)
+    assert ("maybe not all" in readout.solutions(session, view)) != view.ghosts.found.is_complete
 
 
 def test_a_recording_is_played_as_it_was(maira, rng):

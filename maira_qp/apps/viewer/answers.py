@@ -1,4 +1,5 @@
-"""What takes longer than a tick has time for: a verdict on a target, all solutions, a solver among other obstacles.
+"""What takes longer than a tick has time for: a verdict on a target, why it is so, all solutions, a solver for
+other obstacles.
 
 Functions of what they are given, so that they may run in any thread.
 """
@@ -7,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,14 +20,17 @@ from maira_qp.problem.collision import CollisionLimit
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.robots.collision.shapes import Shape
 from maira_qp.robots.robot import Robot
+from maira_qp.robots.whole_turns import WholeTurns
+from maira_qp.solvers.explanation import Explanation
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.solution import Solution
+from maira_qp.solvers.solutions import Solutions
 from maira_qp.solvers.solver import Solver
 
 PATIENCE = 0.25
 """What a verdict among obstacles may take [s]."""
 APART = 0.5
-"""Solutions nearer to each other in every joint [rad, or m] are shown as one."""
+"""Solutions nearer to each other in every joint [rad, or m], whole turns aside, are shown as one."""
 MOST_GHOSTS = 16
 
 
@@ -45,6 +49,13 @@ class Verdict:
     solution: Solution
     seconds: float
     """What the solve took [s]"""
+    reason: Explanation | None = None
+    """Why the target is not reached, if that is known yet"""
+
+    @property
+    def lacks_reason(self) -> bool:
+        """The target is not reached, and it is not known why."""
+        return not self.solution.success and self.reason is None
 
 
 def verdict_on(solver: Solver, plain: Solver, target: pin.SE3, q0: np.ndarray) -> Verdict:
@@ -54,6 +65,11 @@ def verdict_on(solver: Solver, plain: Solver, target: pin.SE3, q0: np.ndarray) -
         if not verdict.solution.success:
             return verdict
     return _timed(solver, target, q0)
+
+
+def explained(verdict: Verdict) -> Verdict:
+    """With its reason: this takes some ten milliseconds, among obstacles more."""
+    return replace(verdict, reason=verdict.solution.explain())
 
 
 def _timed(solver: Solver, target: pin.SE3, q0: np.ndarray) -> Verdict:
@@ -69,8 +85,8 @@ class Ghosts:
     target: pin.SE3
     q: np.ndarray
     """(k, n)"""
-    count: int
-    """How many there are with those that are alike"""
+    found: Solutions | None
+    """With those that are alike; None: they cannot be listed"""
     note: str = ""
     """Why there are none"""
 
@@ -78,15 +94,16 @@ class Ghosts:
 def ghosts_of(solver: Solver, target: pin.SE3) -> Ghosts:
     """All solutions for a target, the best first; none, with the reason, where they are not known."""
     try:
-        found = [each.q for each in solver.solutions(target)]
+        found = solver.solutions(target)
     except OptionError as reason:
-        return Ghosts(target, np.empty((0, solver.robot.n)), 0, str(reason))
-    shown: list[np.ndarray] = []
-    for q in found:
-        if len(shown) < MOST_GHOSTS and all(np.abs(q - other).max() >= APART for other in shown):
-            shown.append(q)
+        return Ghosts(target, np.empty((0, solver.robot.n)), None, str(reason))
+    turns = WholeTurns.of(solver.robot, solver.robot.middle)
+    shown = np.empty((0, solver.robot.n))
+    for q in (each.q for each in found):
+        if len(shown) < MOST_GHOSTS and (turns.apart(q, shown) >= APART).all():
+            shown = np.vstack([shown, q])
     note = "" if found else "no configuration within the joint limits reaches the target"
-    return Ghosts(target, np.array(shown).reshape(-1, solver.robot.n), len(found), note)
+    return Ghosts(target, shown, found, note)
 
 
 class Fitted(NamedTuple):

@@ -1,12 +1,19 @@
-"""Where the elbow of an S-R-S arm is on the arc of solutions that its configuration belongs to."""
+"""Where the elbow is on the curve of configurations that it can take while the tool stands still.
+
+Of an S-R-S arm the curve is an arc of solutions, in closed form; of another redundant arm it is walked numerically.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
+from maira_qp.apps.viewer.self_motion import SelfMotion, is_redundant, self_motion
 from maira_qp.robots.arcs import Arc, arcs
+from maira_qp.robots.robot import Robot
 from maira_qp.robots.srs import BRANCHES, SRS, Branch, rotations, wrapped
 
 ON_ARC = 1e-6
@@ -14,11 +21,19 @@ ON_ARC = 1e-6
 
 
 class Elbow(NamedTuple):
-    """A place on an arc."""
+    """A place on a curve."""
 
-    arc: Arc
+    curve: Arc | SelfMotion
     psi: float
-    """Swivel angle [rad], from `arc.lower` to `arc.upper`"""
+    """Swivel angle [rad], or way along the self-motion [rad, or m], from `curve.lower` to `curve.upper`"""
+
+
+def elbow_finder(robot: Robot) -> Callable[[np.ndarray], Elbow | None] | None:
+    """Finds where the elbow is at a configuration (n,), for any thread; None: the arm is not redundant."""
+    srs = SRS.of(robot)
+    if srs is not None:
+        return partial(elbow_of, srs)
+    return partial(_at_start, robot) if is_redundant(robot) else None
 
 
 def elbow_of(srs: SRS, q: np.ndarray) -> Elbow | None:
@@ -36,6 +51,12 @@ def elbow_of(srs: SRS, q: np.ndarray) -> Elbow | None:
             if away < least:
                 nearest, least = Elbow(arc, psi), away
     return nearest
+
+
+def _at_start(robot: Robot, q: np.ndarray) -> Elbow | None:
+    """On the self-motion that begins at q (n,)."""
+    curve = self_motion(robot, q)
+    return None if curve is None else Elbow(curve, 0.0)
 
 
 def _branch_of(srs: SRS, T: np.ndarray, q: np.ndarray) -> tuple[Branch, float] | None:

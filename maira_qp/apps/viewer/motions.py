@@ -9,8 +9,8 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
+from maira_qp.apps.viewer.elbow import Elbow
 from maira_qp.apps.viewer.recording import Recording
-from maira_qp.robots.arcs import Arc
 from maira_qp.robots.robot import Robot
 
 SWIVEL_SPEED = 1.5
@@ -57,28 +57,29 @@ class Go(Motion):
 
 
 class Swivel(Motion):
-    """The elbow moves along an arc of solutions, so that the tool stands still."""
+    """The elbow moves along its curve, so that the tool stands still."""
 
-    def __init__(self, robot: Robot, arc: Arc, begin: float, end: float) -> None:
-        """From a swivel angle on the arc to another [rad]."""
-        self._robot, self.arc = robot, arc
-        self.psi, self._end = begin, min(max(end, arc.lower), arc.upper)
+    def __init__(self, robot: Robot, elbow: Elbow, end: float) -> None:
+        """From where it is to another place on the curve [rad, or m]."""
+        self._robot, self.elbow = robot, elbow
+        self._end = min(max(end, elbow.curve.lower), elbow.curve.upper)
 
     def next(self, q: np.ndarray, dt: float) -> np.ndarray:
         """At swivel speed, halved until no joint is faster than it may be."""
-        way = min(max(self._end - self.psi, -SWIVEL_SPEED * dt), SWIVEL_SPEED * dt)
+        curve, psi = self.elbow
+        way = min(max(self._end - psi, -SWIVEL_SPEED * dt), SWIVEL_SPEED * dt)
         while True:
-            psi = self._end if way == self._end - self.psi else self.psi + way
-            ahead = self.arc.at(np.array(psi))
+            further = self._end if way == self._end - psi else psi + way
+            ahead = curve.at(np.array(further))
             if _ticks(self._robot, ahead - q, dt) <= 1 or abs(way) < SLOWEST * dt:
-                self.psi = psi
+                self.elbow = Elbow(curve, further)
                 return ahead
             way *= 0.5
 
     @property
     def is_done(self) -> bool:
-        """The angle is reached."""
-        return self.psi == self._end
+        """The place is reached."""
+        return self.elbow.psi == self._end
 
 
 class Replay(Motion):

@@ -113,6 +113,7 @@ class ReachTab:
             swivel,
             lambda degrees: ask.session("swivel", lambda session: session.set_swivel(float(np.radians(degrees)))),
         )
+        self._ends = gui.add_html("")
         ghosts = gui.add_checkbox("Show all solutions", session.shows_ghosts)
         self._next = gui.add_button("Go to the next solution", visible=False)
         self._solutions = gui.add_html("")
@@ -140,12 +141,13 @@ class ReachTab:
         """The elbow and the solutions."""
         self._weight.visible = session.method == "weighted"
         elbow = view.elbow
-        self._swivel.handle.visible = session.has_swivel
+        self._swivel.handle.visible = self._ends.visible = session.has_swivel
         self._swivel.handle.disabled = elbow is None
         if elbow is not None:
-            self._swivel.handle.min = round(float(np.degrees(elbow.arc.lower)), 1)
-            self._swivel.handle.max = round(float(np.degrees(elbow.arc.upper)), 1)
+            self._swivel.handle.min = round(float(np.degrees(elbow.curve.lower)), 1)
+            self._swivel.handle.max = round(float(np.degrees(elbow.curve.upper)), 1)
             self._swivel.show(float(np.degrees(elbow.psi)))
+        self._ends.content = readout.ends(session.robot, elbow)
         self._solutions.content = readout.solutions(session, view)
         self._next.visible = view.ghosts is not None and len(view.ghosts.q) > 1
 
@@ -268,9 +270,7 @@ class PathTab:
         """How long the recording is."""
         self._recording, self._is_recording = session.recording, session.is_recording
         self._record.label = "End the recording" if session.is_recording else "Record"
-        rows, seconds = len(session.recording), session.recording.duration
-        text = f"{seconds:.1f} s, {rows} configurations" if rows else "nothing is recorded yet"
-        self._state.content = f'<div style="padding:0 0.75em;font-size:0.8em;color:{readout.QUIET}">{text}</div>'
+        self._state.content = readout.path(session.recording)
 
 
 class RobotTab:

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from html import escape
+from math import degrees
+
+import numpy as np
 
 from maira_qp.apps.viewer.answers import Verdict
+from maira_qp.apps.viewer.elbow import Elbow
+from maira_qp.apps.viewer.recording import Recording
 from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.surroundings import MARGIN
-from maira_qp.apps.viewer.view import View
-from maira_qp.solvers.solution import Solution, Status
+from maira_qp.apps.viewer.view import View, limits_at
+from maira_qp.robots.robot import Robot
+from maira_qp.solvers.explanation import Explanation
+from maira_qp.solvers.solution import Status
 
 GOOD, POOR, BAD, QUIET = "#1a7f4b", "#b26a00", "#c92a2a", "#868e96"
 _COLOURS = {Status.CONVERGED: GOOD, Status.NEAREST: POOR, Status.BUDGET_SPENT: POOR, Status.UNREACHABLE: BAD}
@@ -31,9 +38,15 @@ def readout(view: View) -> str:
     return f'<div style="padding:0 0.75em 0.75em">{_headline(verdict)}{table}</div>'
 
 
-def reason(solution: Solution) -> str:
-    """What became of the target and why, for a person."""
-    return solution.status.meaning
+def reason(verdict: Verdict) -> str:
+    """What became of the target and why, for a person: in a sentence or two, the errors stand below."""
+    why = verdict.reason
+    if why is None:
+        return verdict.solution.status.meaning
+    if why.is_compromise:
+        return "the pose can be reached, but the weight of the posture holds the tool off it"
+    what = why.status.meaning if why.proof is None else f"proved out of reach: {why.proof.words}"
+    return f"{what}. {_limits(why)}"
 
 
 def length(metres: float) -> str:
@@ -54,16 +67,35 @@ def distances(view: View) -> str:
 
 
 def solutions(session: Session, view: View) -> str:
-    """How many solutions are shown, or why none are."""
+    """How many solutions there are and are shown, how they were found, or why there are none."""
     if not session.shows_ghosts:
         return ""
-    if view.ghosts is None:
-        text = "looking for all solutions ..."
-    elif view.ghosts.note:
-        text = view.ghosts.note
-    else:
-        text = f"{view.ghosts.count} arcs of solutions, {len(view.ghosts.q)} that differ are shown"
-    return f'<div style="padding:0 0.75em;font-size:0.8em;color:{QUIET}">{escape(text)}</div>'
+    ghosts = view.ghosts
+    if ghosts is None:
+        return _line("looking for all solutions ...")
+    if ghosts.found is None or not ghosts.found:
+        return _line(ghosts.note)
+    found, shown = ghosts.found, len(ghosts.q)
+    what = "arcs of solutions" if found[0].arc is not None else "solutions"
+    alike = "" if shown == len(found) else f", {shown} that differ are shown"
+    return _line(f"{len(found)} {what}{alike}; {found.method}, {'complete' if found.is_complete else 'maybe not all'}")
+
+
+def ends(robot: Robot, elbow: Elbow | None) -> str:
+    """What ends the way of the elbow to either side."""
+    if elbow is None:
+        return _line("\u00a0")  # its line is kept, so that nothing below it jumps
+    curve = elbow.curve
+    places = curve.lower, curve.upper, 0.5 * (curve.lower + curve.upper)
+    lower, upper, all_along = (limits_at(robot, curve.at(np.array(place))) for place in places)
+    sides = [", ".join(name for name in names if name not in all_along) for names in (lower, upper)]
+    return _line(f"ends at {' and '.join(sides)}" if all(sides) else "\u00a0")
+
+
+def path(recording: Recording) -> str:
+    """How long a recording is."""
+    rows, seconds = len(recording), recording.duration
+    return _line(f"{seconds:.1f} s, {rows} configurations" if rows else "nothing is recorded yet")
 
 
 def notes(lines: list[str]) -> str:
@@ -73,14 +105,32 @@ def notes(lines: list[str]) -> str:
     return f'<div style="padding:0 0.75em;font-size:0.75em;color:{POOR};overflow-wrap:anywhere">{items}</div>'
 
 
+def _line(text: str) -> str:
+    return f'<div style="padding:0 0.75em;font-size:0.8em;color:{QUIET};overflow-wrap:anywhere">{escape(text)}</div>'
+
+
 def _headline(verdict: Verdict | None) -> str:
     if verdict is None:
         return f'<p style="color:{QUIET};margin:0 0 0.4em">...</p>'
     status, colour = verdict.solution.status, _COLOURS[verdict.solution.status]
+    full = "" if verdict.reason is None else escape(str(verdict.reason))
     badge = f'<b style="color:{colour}">{status.name.replace("_", " ")}</b>'
-    return (
-        f'<p style="margin:0 0 0.4em;line-height:1.3">{badge}<br/><small>{escape(reason(verdict.solution))}</small></p>'
-    )
+    words = f'<small style="overflow-wrap:anywhere" title="{full}">{escape(reason(verdict))}</small>'
+    return f'<p style="margin:0 0 0.4em;line-height:1.3">{badge}<br/>{words}</p>'
+
+
+def _limits(why: Explanation) -> str:
+    """What the limits of the joints have to do with it."""
+    alone = [(limit.further, limit) for limit in why.limits if limit.further is not None]
+    if alone:
+        further, least = min(alone, key=lambda pair: pair[0])
+        joint, end = least.name.rsplit(" ", 1)
+        amount = length(further) if least.unit == "m" else f"{degrees(further):.1f}°"
+        return f"With {joint} {amount} beyond its {end} limit it would be reached."
+    names = ", ".join(why.blocking)
+    if not names:
+        return "No joint limit holds the arm back."
+    return f"{names}: without these limits it would {'' if why.is_reached_without else 'not '}be reached."
 
 
 def _listed(names: list[str]) -> str:

@@ -24,6 +24,8 @@ GREEN: Colour = (47, 158, 68)
 GHOST: Colour = (76, 110, 245)
 GIZMO = 0.15
 """Size of the gizmo on the target, in lengths of the arm."""
+CLEAR = 1.01
+"""A body that is red is so much larger: the surface of a neighbour in the same place would flicker through."""
 VISIBLE_ERROR = 1e-3
 """From this position error on [m] a line leads from the tool to the target."""
 MOST_SEGMENTS = 500
@@ -49,7 +51,8 @@ class ArmDrawing:
             put(frame, at.placement(link))
         joints = {name.rsplit(" ", 1)[0] for name in at_limit}
         for body, mesh in self._bodies:
-            mesh.color = RED if self._joint_of.get(body.link) in joints else body.colour
+            is_held = self._joint_of.get(body.link) in joints
+            mesh.color, mesh.scale = (RED, CLEAR) if is_held else (body.colour, 1.0)
 
 
 class GhostDrawing:

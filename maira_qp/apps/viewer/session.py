@@ -16,8 +16,8 @@ from typing import Literal
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.apps.viewer.answers import Fitted, Ghosts, Job, Verdict, fitted, ghosts_of, verdict_on
-from maira_qp.apps.viewer.elbow import Elbow, elbow_of
+from maira_qp.apps.viewer.answers import Fitted, Ghosts, Job, Verdict, explained, fitted, ghosts_of, verdict_on
+from maira_qp.apps.viewer.elbow import Elbow, elbow_finder
 from maira_qp.apps.viewer.motions import Go, Motion, Replay, Swivel
 from maira_qp.apps.viewer.recording import Recording
 from maira_qp.apps.viewer.start import bent_configuration
@@ -31,7 +31,6 @@ from maira_qp.problem.pose import as_pose
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.robots.collision.shapes import Shape
 from maira_qp.robots.robot import Robot
-from maira_qp.robots.srs import SRS
 from maira_qp.solvers.solver import Solver
 
 Method = Literal["strict", "weighted", "none"]
@@ -66,7 +65,7 @@ class Session:
         self.shows_ghosts = False
         self.recording = Recording(robot)
         self.is_recording = False
-        self._srs = SRS.of(robot)
+        self._find_elbow = elbow_finder(robot)
         self._solver = Solver(robot, redundancy=self.redundancy)
         self._plain = Solver(robot)
         self._limit: CollisionLimit | None = None
@@ -100,13 +99,13 @@ class Session:
         self._target_to_tool()
 
     def set_swivel(self, psi: float) -> None:
-        """The elbow moves to a swivel angle [rad], as far as its arc goes. Raises `OptionError` where it has none."""
+        """The elbow moves to a place on its curve [rad or m], as far as that goes. Raises `OptionError` without one."""
         elbow = self.elbow
         if elbow is None:
             raise OptionError(
-                "the elbow's arc of solutions is not known: the arm must stand still, and not be stretched"
+                "the way of the elbow is not known: the arm must be redundant, stand still, and not be stretched"
             )
-        self._start(Swivel(self.robot, elbow.arc, elbow.psi, psi))
+        self._start(Swivel(self.robot, elbow, psi))
 
     def use(self, method: Method, weight: float) -> None:
         """How the redundancy is used, and the weight of "weighted". Raises `OptionError`."""
@@ -176,7 +175,7 @@ class Session:
             if isinstance(self._motion, Replay):
                 self._target_to_tool()
             if isinstance(self._motion, Swivel):
-                self._elbow = self.q, Elbow(self._motion.arc, self._motion.psi)
+                self._elbow = self.q, self._motion.elbow
             if self._motion.is_done:
                 self._motion = None
         elif self._is_following:
@@ -197,9 +196,12 @@ class Session:
         if "verdict" in self._stale:
             given = self._solver, self._plain, self.target, self.q
             return self._taken("verdict", Job(partial(verdict_on, *given), self._use_verdict))
-        if self._srs is not None and self._still > 0 and not self._is_elbow_known:
-            srs, q = self._srs, self.q
-            return Job(lambda: (q, elbow_of(srs, q)), self._use_elbow)
+        if self._find_elbow is not None and self._still > 0 and not self._is_elbow_known:
+            find, q = self._find_elbow, self.q
+            return Job(lambda: (q, find(q)), self._use_elbow)
+        verdict = self._verdict
+        if verdict is not None and verdict.lacks_reason and self._target_still >= RESTS:
+            return Job(partial(explained, verdict), self._use_verdict)
         return None
 
     def next_long_job(self) -> Job | None:
@@ -217,12 +219,12 @@ class Session:
 
     @property
     def has_swivel(self) -> bool:
-        """The elbow can be moved on its own: the arm is S-R-S."""
-        return self._srs is not None
+        """The elbow can be moved on its own: the arm is redundant."""
+        return self._find_elbow is not None
 
     @property
     def elbow(self) -> Elbow | None:
-        """Where the elbow is on its arc, once that is known."""
+        """Where the elbow is on its curve, once that is known."""
         return self._elbow[1] if self._is_elbow_known and self._elbow is not None else None
 
     # Motions
