@@ -40,7 +40,7 @@ print(table)
 
 picture = plots.figure(2, 2)
 residuals, costs, _ = zip(*curve, strict=True)
-plots.tradeoff_curve(picture.axes[0], weights, residuals, costs, strict=strict[:2])
+plots.trade_off(picture.axes[0], weights, residuals, costs, strict=strict[:2])
 methods = {"strict": mq.Strict(mq.Posture()), "weighted, 0.1": mq.Weighted(mq.Posture(), 0.1)}
 visited = {name: [] for name in methods}
 for ax, (name, redundancy) in zip(picture.axes[2:], methods.items(), strict=True):
@@ -49,7 +49,7 @@ for ax, (name, redundancy) in zip(picture.axes[2:], methods.items(), strict=True
     path = [starts[0]]
     for _ in range(200):  # control ticks of 20 ms: one QP, or one hierarchy of QPs, each
         path.append(solver.step(path[-1], targets[0], 0.02).q)
-    plots.joint_paths(ax, np.array(path), robot.lower, robot.upper, robot.joint_names, step="control tick of 20 ms")
+    plots.joint_paths(ax, robot, path, times=0.02 * np.arange(201))
     ax.set_title(name)
 numbers = {name: [robot.condition_number(q) for q in path] for name, path in visited.items()}
 plots.condition_numbers(picture.axes[1], numbers)

@@ -415,6 +415,7 @@ def test_the_command_line_stays_light():
         "scipy.stats",
         "maira_qp.apps.benchmark.runner",
         "maira_qp.apps.plots",
+        "maira_qp.apps.plots.style",
         "rich.progress",
     ):
         assert module not in loaded

@@ -1,13 +1,18 @@
 """Pictures show what they were given: data, limits, intervals and units."""
 
+import matplotlib
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgba
 from PIL import Image
 
+import maira_qp as mq
 from maira_qp.apps import plots
 from maira_qp.apps.benchmark.statistics import wilson_interval
-from maira_qp.errors import OptionError
-from maira_qp.robots.catalog import maira
+from maira_qp.apps.plots import reach
+from maira_qp.apps.reach_slice import reach_slice
+from maira_qp.errors import OptionError, RobotError
+from maira_qp.robots.srs import BRANCHES, SRS
 
 
 @pytest.fixture
@@ -35,7 +40,7 @@ def test_a_saved_figure_is_a_picture(tmp_path):
 
 def test_a_chain_goes_through_its_origins(space):
     """The first line drawn has the origins of all frames, and the scales are the same on the three axes."""
-    htms = maira().compute_htms(np.full(7, 0.4))
+    htms = mq.Robot.maira().dh.compute_htms(np.full(7, 0.4))
     plots.draw_chain(space, htms, target=np.array([0.4, 0.2, 2.5]), trail=np.zeros((3, 3)), label="MAIRA")
     np.testing.assert_allclose(np.transpose(space.lines[0].get_data_3d()), htms[:, :3, 3])
     limits = np.array([space.get_xlim(), space.get_ylim(), space.get_zlim()])
@@ -46,7 +51,7 @@ def test_a_chain_goes_through_its_origins(space):
 
 def test_the_tool_axes_are_those_of_the_last_frame(space):
     """Three short lines start at the tool, along its x, y and z; a target pose gets three too, and all is in view."""
-    htms = maira().compute_htms(np.full(7, 0.4))
+    htms = mq.Robot.maira().dh.compute_htms(np.full(7, 0.4))
     plots.draw_chain(space, htms)
     for line, direction in zip(space.lines[-3:], htms[-1, :3, :3].T, strict=True):
         ends = np.transpose(line.get_data_3d())
@@ -70,7 +75,7 @@ def test_a_flat_and_a_tiny_chain_can_be_drawn(space):
 
 def test_an_animation_has_every_frame(tmp_path):
     """One picture a frame, at the rate asked for, each different from the last while the arm moves."""
-    table = maira()
+    table = mq.Robot.maira().dh
     frames = [table.compute_htms(np.full(7, angle)) for angle in (0.1, 0.3, 0.5)]
     targets = [np.array([0.5, 0.0, 0.9])] * 2 + [np.eye(4)]
     path = plots.animate_chain(tmp_path / "gif" / "arm.gif", frames, targets, rate=20.0)
@@ -97,7 +102,7 @@ def test_an_animation_needs_a_target_a_frame(tmp_path, targets):
 
 def test_the_tradeoff_curve_shows_every_weight_and_the_strict_point(axes):
     """Residuals and costs are the data, each weight is written at its point, and a residual of 0 has a place."""
-    plots.tradeoff_curve(axes, [1e-3, 1e-1], [1e-4, 1e-2], [0.9, 0.4], strict=(0.0, 1.0))
+    plots.trade_off(axes, [1e-3, 1e-1], [1e-4, 1e-2], [0.9, 0.4], strict=(0.0, 1.0))
     np.testing.assert_allclose(axes.lines[0].get_xydata(), [[1e-4, 0.9], [1e-2, 0.4]])
     np.testing.assert_allclose(axes.lines[1].get_xydata(), [[1e-16, 1.0]])
     assert [text.get_text() for text in axes.texts] == ["1e-3", "1e-1"]
@@ -108,17 +113,24 @@ def test_the_tradeoff_curve_shows_every_weight_and_the_strict_point(axes):
 
 def test_joint_paths_are_shares_of_the_range(axes):
     """A joint at its lower limit is at 0, at its upper at 1; locked and unlimited joints stay finite."""
-    lower, upper = np.array([-1.0, 0.2, -np.inf]), np.array([3.0, 0.2, np.inf])
-    plots.joint_paths(axes, np.array([[-1.0, 0.2, 0.0], [3.0, 0.2, np.pi / 2]]), lower, upper, ["a", "b", "c"])
+    robot = mq.Robot.from_dh(
+        [
+            mq.DHLink(kind="revolute", a=1.0, lower=-1.0, upper=3.0),
+            mq.DHLink(kind="revolute", a=1.0, lower=0.2, upper=0.2),
+            mq.DHLink(kind="continuous", a=1.0),
+        ]
+    )
+    plots.joint_paths(axes, robot, [[-1.0, 0.2, 0.0], [3.0, 0.2, np.pi / 2]], times=[0.0, 0.5])
     drawn = [line.get_ydata() for line in axes.lines[:3]]
     np.testing.assert_allclose(drawn, [[0.0, 1.0], [0.0, 0.0], [0.5, 0.75]])
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["a", "b", "c"]
-    assert axes.get_ylabel() == "joint, in its range [%]"
+    np.testing.assert_allclose(axes.lines[0].get_xdata(), [0.0, 0.5])
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == list(robot.joint_names)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("time [s]", "joint, in its range [%]")
 
 
 def test_no_two_of_many_lines_look_the_same():
     """Sixteen joints have sixteen pairs of colour and dashes."""
-    assert len({str(plots._line(i)) for i in range(16)}) == 16
+    assert len({str(plots.line(i)) for i in range(16)}) == 16
 
 
 def test_infinite_condition_numbers_leave_a_gap(axes):
@@ -141,3 +153,128 @@ def test_success_bars_carry_their_wilson_intervals(axes):
     assert [label.get_text() for label in axes.get_yticklabels()] == ["uniform", "near limits"]
     assert "38 %" in [text.get_text() for text in axes.texts]
     axes.figure.canvas.draw()
+
+
+def test_the_style_ends_with_its_block():
+    """Nothing global is changed by a figure, a drawing or the block; inside, the style is on."""
+    before = dict(matplotlib.rcParams)
+    made = plots.figure()
+    plots.condition_numbers(made.axes[0], {"a": [1.0, 2.0]})
+    assert dict(matplotlib.rcParams) == before
+    with plots.style():
+        assert dict(matplotlib.rcParams) != before
+    assert dict(matplotlib.rcParams) == before
+    assert made.axes[0].lines[0].get_linewidth() == 1.8
+
+
+def test_a_picture_is_whole_or_not_there(tmp_path):
+    """A picture that cannot be written leaves the old one, and nothing beside it; each kind is what its name says."""
+    for kind, head in (("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")):
+        assert plots.save(plots.figure(), tmp_path / f"a.{kind}").read_bytes().startswith(head)
+    made, path = plots.figure(), tmp_path / "a.png"
+    made.axes[0].set_title("$\\nonsense{$")
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match="nonsense"):
+        plots.save(made, path)
+    assert path.read_bytes() == before
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.pdf", "a.png", "a.svg"]
+
+
+def test_convergence_draws_the_errors_of_what_was_visited(axes, maira, rng):
+    """Position in m and orientation in rad of every configuration; the tolerances are drawn."""
+    target = maira.forward(maira.random_configuration(rng))
+    solver = mq.Solver(maira, options=mq.Options(position_tolerance=1e-4))
+    visited = []
+    s = solver.solve(target, maira.random_configuration(rng), observe=visited.append)
+    plots.convergence(axes, solver, target, visited)
+    position, orientation = axes.lines[0].get_ydata(), axes.lines[2].get_ydata()
+    assert len(position) == len(orientation) == len(visited)
+    there = maira.forward(visited[1])
+    assert position[1] == pytest.approx(np.linalg.norm(there.translation - target.translation))
+    turned = there.rotation.T @ target.rotation
+    assert orientation[1] == pytest.approx(np.arccos((np.trace(turned) - 1) / 2))
+    assert position[-1] == pytest.approx(max(s.position_error, 1e-17), abs=1e-15)
+    assert [axes.lines[k].get_ydata()[0] for k in (1, 3)] == [1e-4, 1e-6]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("iteration", "pose error [m], [rad]")
+    assert axes.get_yscale() == "log"
+
+
+@pytest.mark.parametrize("name", ["maira", "iiwa14"])
+def test_the_shaded_part_of_a_self_motion_is_outside_the_limits(axes, rng, name):
+    """At any swivel angle: shaded if and only if no turn of the branch's configuration is within the limits."""
+    robot = getattr(mq.Robot, name)()
+    srs = SRS.of(robot)
+    shades = 0
+    for _ in range(4):
+        target = robot.forward(robot.random_configuration(rng)).homogeneous
+        for one in mq.Solver(robot).solutions(target)[:6]:
+            axes.clear()
+            plots.self_motion(axes, target, one)
+            spans = [np.radians([patch.get_x(), patch.get_x() + patch.get_width()]) for patch in axes.patches]
+            shades += len(spans)
+            for psi in rng.uniform(-np.pi, np.pi, 60):
+                if np.abs(np.ravel(spans) - psi).min(initial=1.0) < 1e-6:
+                    continue
+                elbow = next(e for e in srs.elbow_branches(target) if e.sign == one.branch.elbow)
+                q = srs.evaluate(elbow, np.array([psi]))[0, BRANCHES.index(one.branch) % 4]
+                turned = q + 2 * np.pi * np.arange(-2, 3)[:, None]
+                within = ((robot.lower <= turned) & (turned <= robot.upper)).any(axis=0).all()
+                assert any(low < psi < high for low, high in spans) == (not within)
+            drawn = np.array([line.get_ydata() for line in axes.lines if line.get_linewidth() == 2.2])
+            assert np.nanmin(drawn) >= 0.0
+            assert np.nanmax(drawn) <= 1.0
+            solution = next(line for line in axes.lines if line.get_label() == "solution")
+            assert np.radians(solution.get_xdata()[0]) == pytest.approx((one.psi + np.pi) % (2 * np.pi) - np.pi)
+    assert shades > 0
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("swivel angle ψ [deg]", "joint, in its range [%]")
+
+
+def test_arc_bars_are_the_arcs(axes, iiwa14, rng):
+    """A bar an arc, as long in all, and a point on each; a star at the first; another arm is refused."""
+    target = iiwa14.forward(iiwa14.random_configuration(rng))
+    solutions = mq.Solver(iiwa14).solutions(target)
+    plots.arc_bars(axes, solutions)
+    length = sum(bar.get_width() for bar in axes.patches)
+    assert length == pytest.approx(np.degrees(sum(one.arc.length for one in solutions)))
+    assert [line.get_marker() for line in axes.lines] == ["*", *"o" * (len(solutions) - 1)]
+    for point in axes.lines:
+        (x,), (y,) = point.get_data()
+        bars = [bar for bar in axes.patches if abs(bar.get_y() + 0.25 - y) < 1e-9]
+        assert any(bar.get_x() - 1e-9 <= x <= bar.get_x() + bar.get_width() + 1e-9 for bar in bars)
+    assert "[sign]" in axes.get_ylabel()
+    with pytest.raises(RobotError, match="S-R-S"):
+        plots.arc_bars(axes, [mq.ListedSolution(np.zeros(7), 0.0, 0.0, 0.0)])
+
+
+def test_a_reach_slice_is_coloured_by_status(axes):
+    """Reached, proved unreachable, and open: a nearest point or a spent budget; the legend tells the shares."""
+    status = np.array([[mq.Status.CONVERGED, mq.Status.UNREACHABLE], [mq.Status.NEAREST, mq.Status.BUDGET_SPENT]])
+    plots.reach_slice(axes, np.array([0.0, 1.0]), np.array([0.0, 1.0]), status, axes="yz")
+    (mesh,) = axes.collections
+    colors = mesh.to_rgba(mesh.get_array()).reshape(2, 2, 4)
+    fills = [to_rgba(fill) for fill in reach.FILLS]
+    np.testing.assert_allclose(colors, [[fills[0], fills[1]], [fills[2], fills[2]]])
+    shares = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert shares == ["reached (25.0 %)", "proved unreachable (25.0 %)", "open: neither (50.0 %)"]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("y [m]", "z [m]")
+    greys = [np.dot(fill[:3], [0.299, 0.587, 0.114]) for fill in fills]
+    assert np.diff(sorted(greys)).min() > 0.15  # told apart in grey
+
+
+def test_a_reach_slice_asks_for_every_cell(maira):
+    """Each cell has the verdict of its own pose, the window holds what can be reached, progress comes to its end."""
+    told, rotation = [], np.diag([1.0, -1.0, -1.0])
+    solver = mq.Solver(maira)
+    found = reach_slice(solver, rotation, plane="yz", at=0.3, cells=9, progress=lambda *a: told.append(a))
+    assert found.status.shape == (9, 9)
+    assert told[-1] == (81, 81)
+    for i, j in ((0, 0), (4, 1), (2, 6), (6, 4)):
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = rotation, [0.3, found.x[j], found.y[i]]
+        assert solver.solve(T).status == found.status[i, j]
+    assert found.status[[0, -1]].min() > 0  # nothing is reached at the edge
+    assert found.status[:, [0, -1]].min() > 0
+    assert (found.status == 0).any()
+    for wrong in ({"plane": "zz"}, {"cells": 1}):
+        with pytest.raises(OptionError, match=next(iter(wrong))):
+            reach_slice(solver, rotation, **wrong)

@@ -20,6 +20,7 @@ OURS = {"maira_qp solve": "-", "maira_qp strict": (0, (4, 1.5)), "maira_qp batch
 """Our rows and their dashes; all are of the first colour, and their lines are thick."""
 
 
+@plots.style()
 def draw(outcomes: Sequence[Outcome], path: str | Path) -> Path:
     """Draw all arms into a file."""
     made = plots.figure(len(outcomes), 2, size=(11.0, 0.5 + 3.5 * len(outcomes)))
@@ -29,8 +30,8 @@ def draw(outcomes: Sequence[Outcome], path: str | Path) -> Path:
         left, right = made.axes[2 * k : 2 * k + 2]
         _budget(left, rows, styles)
         _spread(right, rows, styles)
-        left.set_title(f"{outcome.arm}: solved within a time budget", loc="left", fontsize=10)
-        right.set_title(f"{outcome.arm}: time of a solve", loc="left", fontsize=10)
+        left.set_title(f"{outcome.arm}: solved within a time budget")
+        right.set_title(f"{outcome.arm}: time of a solve")
     return plots.save(made, path)
 
 
@@ -92,14 +93,11 @@ def _spread(ax: Axes, rows: Sequence[Row], styles: dict[str, dict[str, Any]]) ->
 
 
 def _finish(ax: Axes) -> None:
-    """What both kinds share: a logarithmic axis of times with units, a light grid behind, no box."""
+    """What both kinds share: a logarithmic axis of times with units."""
     ax.set_xscale("log")
     ax.set_xlim(*SPAN)
     ax.xaxis.set_major_formatter(FuncFormatter(lambda seconds, _: _duration(seconds).replace(".0 ", " ")))
     ax.set_xlabel("time of a solve (logarithmic)")
-    ax.grid(True, axis="both", color="#DDDDDD", linewidth=0.6)
-    ax.set_axisbelow(True)
-    ax.spines[["top", "right"]].set_visible(False)
 
 
 def _duration(seconds: float) -> str:

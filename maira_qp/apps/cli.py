@@ -15,6 +15,7 @@ import maira_qp
 from maira_qp.apps.commands.bench import Bench
 from maira_qp.apps.commands.compare import Compare
 from maira_qp.apps.commands.fk import Fk
+from maira_qp.apps.commands.plot import Plot
 from maira_qp.apps.commands.solve import Solve
 from maira_qp.apps.commands.urdf import Urdf
 from maira_qp.apps.commands.view import View
@@ -39,6 +40,7 @@ Command = (
     | Annotated[Urdf, tyro.conf.subcommand("urdf")]
     | Annotated[Compare, tyro.conf.subcommand("compare")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
+    | Annotated[Plot, tyro.conf.subcommand("plot")]
     | Annotated[View, tyro.conf.subcommand("view")]
 )
 

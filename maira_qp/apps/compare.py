@@ -25,10 +25,6 @@ from maira_qp.robots.robot import Robot
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.solver import Solver
 
-MARKS = "osD^v"
-LEAST_ERROR = 1e-16
-"""Errors below this [m] are drawn here."""
-
 
 @dataclass(frozen=True)
 class Comparison:
@@ -127,24 +123,11 @@ def picture(comparison: Comparison, path: str | Path) -> None:
         },
     )
     rates.set_title(f"{comparison.plan.robot.name}: {settings.targets} random reachable poses")
-    for i, summary in enumerate(summaries):
+    points = {}
+    for summary in summaries:
         rows = [row for row in comparison.rows if row["method"] == summary.method]
-        trade.plot(
-            [max(row["position_error"], LEAST_ERROR) for row in rows],
-            [row["posture_cost"] for row in rows],
-            linestyle="",
-            marker=MARKS[i % len(MARKS)],
-            markersize=4,
-            alpha=0.6,
-            color=plots.COLORS[i % 8],
-            label=summary.method,
-        )
-    trade.axvline(options.position_tolerance, color=plots.LIMIT_COLOR, linewidth=1, linestyle="--")
-    trade.set_xscale("log")
-    trade.set(xlabel="position error [m] (dashed: the tolerance)", ylabel="posture cost [rad²]")
+        points[summary.method] = [row["position_error"] for row in rows], [row["posture_cost"] for row in rows]
+    plots.error_against_cost(trade, points, tolerance=options.position_tolerance)
     trade.set_title("what each answer gives up: pose or posture")
-    trade.grid(True, color="#DDDDDD", linewidth=0.6)
-    trade.spines[["top", "right"]].set_visible(False)
     rates.legend().remove()  # the same colours and names as on the right
-    trade.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
     plots.save(made, path)

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import tyro
 
-from maira_qp.apps.commands.flags import JointValues, RobotFlags
+from maira_qp.apps.commands.flags import RobotFlags
+from maira_qp.apps.commands.numbers import JointValues
 from maira_qp.apps.commands.robot_choice import RobotChoice
 
 

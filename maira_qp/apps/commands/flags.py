@@ -1,31 +1,25 @@
-"""What several commands take as flags: lists of numbers (`--position -0.4 0 0.5`), the robot, the solver's options."""
+"""What several commands take as flags: the robot, a pose, the redundancy, the solver's options, a seed."""
 
 from __future__ import annotations
 
 from typing import Annotated
 
 import tyro
-from tyro.constructors import PrimitiveConstructorSpec
 
+from maira_qp.apps.commands.pose_choice import PoseChoice
+from maira_qp.apps.commands.redundancy_choice import RedundancyChoice
 from maira_qp.apps.commands.robot_choice import RobotChoice
+from maira_qp.errors import OptionError
 from maira_qp.solvers.options import Options
 
-
-def _numbers(count: int | str, metavar: str) -> PrimitiveConstructorSpec:
-    """How tyro reads so many numbers ("*": any) or leaves them None."""
-    return PrimitiveConstructorSpec(
-        nargs=count,  # type: ignore[arg-type]
-        metavar=metavar,
-        instance_from_str=lambda words: tuple(float(word) for word in words),
-        is_instance=lambda value: value is None or isinstance(value, tuple),
-        str_from_instance=lambda value: ["none"] if value is None else [repr(number) for number in value],
-    )
-
-
-Position = Annotated[tuple[float, ...] | None, _numbers(3, "X Y Z")]
-Quaternion = Annotated[tuple[float, ...] | None, _numbers(4, "W X Y Z")]
-Rpy = Annotated[tuple[float, ...] | None, _numbers(3, "ROLL PITCH YAW")]
-JointValues = Annotated[tuple[float, ...] | None, _numbers("*", "Q1 Q2 ...")]
-
 RobotFlags = Annotated[RobotChoice, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="robot")]
+PoseFlags = Annotated[PoseChoice, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="pose")]
+RedundancyFlags = Annotated[RedundancyChoice, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="redundancy")]
 SolverFlags = Annotated[Options, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="solver")]
+
+
+def checked_seed(value: int) -> int:
+    """The seed, checked. Raises `OptionError`."""
+    if value < 0:
+        raise OptionError(f"--seed must be 0 or more, got {value}")
+    return value

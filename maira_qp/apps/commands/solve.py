@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import tyro
 
-from maira_qp.apps.commands.flags import JointValues, Position, Quaternion, RobotFlags, Rpy, SolverFlags
+from maira_qp.apps.commands.flags import PoseFlags, RedundancyFlags, RobotFlags, SolverFlags, checked_seed
+from maira_qp.apps.commands.numbers import JointValues
+from maira_qp.apps.commands.pose_choice import PoseChoice
+from maira_qp.apps.commands.redundancy_choice import RedundancyChoice
 from maira_qp.apps.commands.robot_choice import RobotChoice
-from maira_qp.errors import OptionError, PoseError
+from maira_qp.errors import OptionError
 from maira_qp.solvers.options import Options
 
 if TYPE_CHECKING:
     from maira_qp.apps.commands.output import Angles
-    from maira_qp.problem.redundancy import Strict, Weighted
     from maira_qp.robots.robot import Robot
     from maira_qp.solvers.solution import Solution
     from maira_qp.solvers.solutions import Solutions
-
-DEFAULT_WEIGHT = 1e-3
 
 VERDICTS = {"CONVERGED": 0, "NEAREST": 1, "UNREACHABLE": 3, "BUDGET_SPENT": 4}
 """Exit codes by the name of the status."""
@@ -46,16 +46,7 @@ class Solve:
     not."""
 
     choice: RobotFlags = field(default_factory=RobotChoice)
-    position: Position = None
-    """Wanted position of the tool in the base [m]; must be given unless --matrix holds it, or --batch is given."""
-    quaternion: Quaternion = None
-    """Wanted orientation as a unit quaternion, scalar first; without any orientation: that of the base."""
-    rpy: Rpy = None
-    """Wanted orientation as roll, pitch, yaw about fixed axes [rad, or deg with --deg]."""
-    matrix: Path | None = None
-    """File with the wanted pose as 4x4 numbers (or 3x3, the orientation alone): text, .json or .npy."""
-    project: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Take the nearest rotation to a rounded matrix or quaternion, on purpose."""
+    pose: PoseFlags = field(default_factory=PoseChoice)
     batch: Path | None = None
     """File with many poses, .csv, .npz or .parquet, in place of one."""
     output: Path | None = None
@@ -67,10 +58,7 @@ class Solve:
     q0: JointValues = None
     """Joint values to start from [rad, or deg with --deg; m for a sliding joint]; none: those of --batch, or the
     solver's own."""
-    redundancy: Literal["none", "weighted", "strict"] = "none"
-    """Joints near mid-range: no wish (none), traded for the pose at --weight, or as far as the pose allows (strict)."""
-    weight: float | None = None
-    """What the posture counts with --redundancy weighted beside the squared pose error; > 0; none: 1e-3."""
+    redundancy: RedundancyFlags = field(default_factory=RedundancyChoice)
     backend: str | None = None
     """Who solves the QPs: compiled, daqp, proxqp, osqp, ... (an unknown name lists what is installed); none: compiled
     where it can, else daqp."""
@@ -89,11 +77,11 @@ class Solve:
 
         self._check_flags()
         seed = checked_seed(self.seed)
-        redundancy = self._redundancy()
+        redundancy = self.redundancy.load()
         robot = self.choice.load()
         angles = Angles(robot, self.deg)
         q0 = None if self.q0 is None else angles.read(self.q0)
-        target = self._target(angles) if self.batch is None else None
+        target = self.pose.load(angles, ", or --batch FILE with many") if self.batch is None else None
         solver = Solver(robot, redundancy=redundancy, backend=self.backend, options=self.options)
         if self.batch is not None:
             from maira_qp.apps.commands.batch import Batch
@@ -104,7 +92,7 @@ class Solve:
                 q0=q0,
                 seed=seed,
                 threads=self.threads,
-                project=self.project,
+                project=self.pose.project,
             )
             return batch.run(solver, angles, json=self.json)
         if self.all:
@@ -123,67 +111,17 @@ class Solve:
 
     def _check_flags(self) -> None:
         """Raises `OptionError` for flags that make no sense together."""
-        one = ("position", "quaternion", "rpy", "matrix")
-        pointless = ("output", "threads") if self.batch is None else one
         if self.all and (self.batch is not None or self.q0 is not None):
             raise OptionError("--all goes neither with --batch nor with --q0")
-        given = [f"--{name}" for name in pointless if getattr(self, name) is not None]
+        of_batch = {"--output": self.output, "--threads": self.threads}
+        given = self.pose.given
+        if self.batch is None:
+            given = [flag for flag, value in of_batch.items() if value is not None]
         if given:
             verb = "counts" if len(given) == 1 else "count"
             raise OptionError(
                 f"{' and '.join(given)} only {verb} {'with' if self.batch is None else 'without'} --batch"
             )
-
-    def _redundancy(self) -> Weighted | Strict | None:
-        from maira_qp.problem.objectives import Posture
-        from maira_qp.problem.redundancy import Strict, Weighted
-
-        if self.weight is not None and self.redundancy != "weighted":
-            raise OptionError("--weight only counts with --redundancy weighted")
-        if self.redundancy == "weighted":
-            return Weighted(Posture(), DEFAULT_WEIGHT if self.weight is None else self.weight)
-        return Strict(Posture()) if self.redundancy == "strict" else None
-
-    def _target(self, angles: Angles) -> Any:
-        """The wanted pose. Raises `PoseError` if it is not given, or given twice; `OSError`."""
-        from maira_qp.problem.pose import pose
-
-        matrix = None if self.matrix is None else read_matrix(self.matrix)
-        whole = matrix is not None and matrix.shape == (4, 4)
-        if self.position is None and not whole:
-            raise PoseError("where to? give --position X Y Z, --matrix FILE with a 4x4 pose, or --batch FILE with many")
-        if self.position is not None and whole:
-            raise PoseError("--position and a 4x4 --matrix both give a position; leave one out")
-        return pose(
-            (0.0, 0.0, 0.0) if self.position is None else self.position,
-            quaternion=self.quaternion,
-            rpy=None if self.rpy is None else np.array(self.rpy) / angles.one,
-            matrix=matrix,
-            project=self.project,
-        )
-
-
-def checked_seed(value: int) -> int:
-    """The seed, checked. Raises `OptionError`."""
-    if value < 0:
-        raise OptionError(f"--seed must be 0 or more, got {value}")
-    return value
-
-
-def read_matrix(path: Path) -> np.ndarray:
-    """Numbers from a file: .npy, .json, or text with blanks or commas between. Raises `PoseError`, `OSError`."""
-    try:
-        if path.suffix.lower() == ".npy":
-            return np.load(path, allow_pickle=False)
-        text = path.read_text(encoding="utf-8")
-        if path.suffix.lower() == ".json":
-            import json
-
-            return np.array(json.loads(text), dtype=float)
-        rows = [line.replace(",", " ").split() for line in text.splitlines()]
-        return np.array([[float(word) for word in row] for row in rows if row])
-    except (ValueError, TypeError, EOFError) as reason:
-        raise PoseError(f"{path} does not hold a matrix of numbers: {reason}") from None
 
 
 def _as_json(robot: Robot, angles: Angles, s: Solution) -> dict[str, Any]:

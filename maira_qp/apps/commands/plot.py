@@ -1,0 +1,257 @@
+"""`maira-qp plot`: pictures of one solve, of a trade-off, of a self-motion, of the reach, and of a path."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+import numpy as np
+import tyro
+
+from maira_qp.apps.commands.flags import PoseFlags, RedundancyFlags, RobotFlags, SolverFlags, checked_seed
+from maira_qp.apps.commands.numbers import JointValues, Quaternion, Rpy
+from maira_qp.apps.commands.pose_choice import PoseChoice
+from maira_qp.apps.commands.redundancy_choice import RedundancyChoice
+from maira_qp.apps.commands.robot_choice import RobotChoice
+from maira_qp.errors import OptionError, PoseError
+from maira_qp.solvers.options import Options
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from maira_qp.apps.commands.output import Angles
+    from maira_qp.robots.robot import Robot
+
+AT_REST = 1e-5
+"""A path ends where no joint is faster than this [rad/s or m/s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture(ABC):
+    """What every picture is asked with."""
+
+    file: ClassVar[str]
+    """Its usual name"""
+
+    choice: RobotFlags = field(default_factory=RobotChoice)
+    options: SolverFlags = field(default_factory=Options)
+    output: Path | None = None
+    """File of the picture, .png, .svg or .pdf; none: a .png in the folder output."""
+    dpi: float = 150.0
+    """Dots an inch of a .png; > 0."""
+    deg: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Joint values and --rpy in degrees."""
+
+    def run(self) -> int:
+        """Draws and says where; 0."""
+        from maira_qp.apps.commands.output import Angles, check_picture, console
+
+        path = self.output or Path("output") / f"{self.file}.png"
+        check_picture(path)
+        if not 0 < self.dpi < np.inf:
+            raise OptionError(f"--dpi must be a positive number, got {self.dpi}")
+        robot = self.choice.load()
+        from maira_qp.apps import plots  # not before it is known to be installed
+
+        with plots.style():
+            drawn = self.draw(robot, Angles(robot, self.deg))
+        plots.save(drawn, path, dpi=self.dpi)
+        console().print(f"picture: {path}")
+        return 0
+
+    @abstractmethod
+    def draw(self, robot: Robot, angles: Angles) -> Figure:
+        """The picture."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Convergence(Picture):
+    """Pose error against the iteration of one solve, by the general engine."""
+
+    file = "convergence"
+
+    pose: PoseFlags = field(default_factory=PoseChoice)
+    redundancy: RedundancyFlags = field(default_factory=RedundancyChoice)
+    q0: JointValues = None
+    """Joint values to start from [rad, or deg with --deg; m for a sliding joint]; none: the solver's own."""
+    seed: int = 0
+    """Seed of the random starts; >= 0."""
+
+    def draw(self, robot: Robot, angles: Angles) -> Figure:
+        """One solve, observed."""
+        from maira_qp.apps import plots
+        from maira_qp.solvers.solver import Solver
+
+        seed, target = checked_seed(self.seed), self.pose.load(angles)
+        solver = Solver(robot, redundancy=self.redundancy.load(), options=self.options)
+        visited: list[np.ndarray] = []
+        q0 = None if self.q0 is None else angles.read(self.q0)
+        solution = solver.solve(target, q0=q0, rng=seed, observe=visited.append)
+        made = plots.figure(size=(7.0, 3.6))
+        plots.convergence(made.axes[0], solver, target, np.array(visited))
+        made.axes[0].set_title(f"{robot.name}: {solution.status.name}")
+        return made
+
+
+@dataclass(frozen=True, kw_only=True)
+class TradeOff(Picture):
+    """Pose error against posture cost of the weighted method over its weights, with the strict one as a point."""
+
+    file = "trade-off"
+
+    pose: PoseFlags = field(default_factory=PoseChoice)
+    weights: tuple[float, ...] = tuple(10.0**exponent for exponent in range(-8, 1))
+    """What the posture counts beside the squared pose error; > 0."""
+    seed: int = 0
+    """Seed of the random starts; >= 0."""
+
+    def draw(self, robot: Robot, angles: Angles) -> Figure:
+        """The strict answer, and from there weighted ones, each from the one before."""
+        from maira_qp.apps import plots
+        from maira_qp.problem.objectives import Posture
+        from maira_qp.problem.redundancy import Strict, Weighted
+        from maira_qp.solvers.solver import Solver
+
+        seed, target, weights = checked_seed(self.seed), self.pose.load(angles), sorted(self.weights)
+        if not weights:
+            raise OptionError("--weights needs at least one weight")
+        wishes = [Strict(Posture()), *(Weighted(Posture(), weight) for weight in weights)]
+        answers = []
+        for wish in wishes:
+            q0 = answers[-1].q if answers else None
+            answers.append(Solver(robot, redundancy=wish, options=self.options).solve(target, q0=q0, rng=seed))
+        residuals = [float(np.hypot(s.position_error, s.orientation_error)) for s in answers]
+        costs = [0.5 * float(np.sum((s.q - robot.middle) ** 2)) for s in answers]
+        made = plots.figure(size=(7.0, 3.8))
+        plots.trade_off(made.axes[0], weights, residuals[1:], costs[1:], strict=(residuals[0], costs[0]))
+        made.axes[0].set_title(f"{robot.name}: what a better posture costs")
+        return made
+
+
+@dataclass(frozen=True, kw_only=True)
+class SelfMotion(Picture):
+    """All configurations of an S-R-S arm for one pose, over the swivel angle, and what the joint limits leave of them.
+
+    Above: the joints of the branch that holds the best of all; below: the arcs of every branch."""
+
+    file = "self-motion"
+
+    pose: PoseFlags = field(default_factory=PoseChoice)
+
+    def draw(self, robot: Robot, angles: Angles) -> Figure:
+        """The joints of the best branch, above the arcs of all."""
+        from maira_qp.apps import plots
+        from maira_qp.robots.srs import SRS
+        from maira_qp.solvers.solver import Solver
+
+        target = self.pose.load(angles)
+        refusal = SRS.refusal(robot)
+        if refusal is not None:
+            raise OptionError(f"self-motion pictures are for S-R-S arms: {refusal}")
+        solutions = Solver(robot, options=self.options).solutions(target)
+        if not solutions:
+            raise PoseError("no configuration within the limits reaches this pose: there is no self-motion to draw")
+        made = plots.figure(2, 1, size=(8.0, 6.2), heights=(2.0, 1.0))
+        above, below = made.axes
+        plots.self_motion(above, target, solutions[0])
+        above.set_title(f"{robot.name}: the self-motion of the branch with the best posture")
+        plots.arc_bars(below, solutions)
+        below.set_title("what the limits leave of every branch")
+        return made
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reach(Picture):
+    """A plane of positions at one orientation: reached, proved unreachable, or open."""
+
+    file = "reach"
+
+    quaternion: Quaternion = None
+    """Orientation of the tool as a unit quaternion, scalar first; without any: that of the base."""
+    rpy: Rpy = None
+    """Orientation as roll, pitch, yaw about fixed axes [rad, or deg with --deg]."""
+    plane: Literal["xy", "xz", "yz"] = "xz"
+    """The plane of positions, in the base."""
+    at: float = 0.0
+    """Where the plane is along the third axis [m]."""
+    cells: int = 80
+    """Cells along each side; >= 2."""
+
+    def draw(self, robot: Robot, angles: Angles) -> Figure:
+        """A batch of poses, a cell each."""
+        from maira_qp.apps import plots
+        from maira_qp.apps.commands.output import progress_bar
+        from maira_qp.apps.reach_slice import reach_slice
+        from maira_qp.problem.pose import pose
+        from maira_qp.solvers.solver import Solver
+
+        rpy = None if self.rpy is None else np.array(self.rpy) / angles.one
+        rotation = pose((0.0, 0.0, 0.0), quaternion=self.quaternion, rpy=rpy).rotation
+        solver = Solver(robot, options=self.options)
+        with progress_bar("solving") as progress:
+            found = reach_slice(solver, rotation, plane=self.plane, at=self.at, cells=self.cells, progress=progress)
+        made = plots.figure(size=(7.4, 4.8))
+        plots.reach_slice(made.axes[0], found.x, found.y, found.status, axes=self.plane)
+        third = ({*"xyz"} - {*self.plane}).pop()
+        made.axes[0].set_title(f"{robot.name}: where the tool can be, {third} = {self.at:g} m")
+        return made
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointPaths(Picture):
+    """Joints over time, each between its limits, while control ticks take the tool to a pose."""
+
+    file = "path"
+
+    pose: PoseFlags = field(default_factory=PoseChoice)
+    redundancy: RedundancyFlags = field(default_factory=RedundancyChoice)
+    q0: JointValues = None
+    """Joint values to start from [rad, or deg with --deg; m for a sliding joint]; none: mid-range."""
+    dt: float = 0.01
+    """A tick [s]; > 0."""
+    seconds: float = 10.0
+    """How long at most [s]; > 0. The path ends earlier where the arm comes to rest."""
+
+    def draw(self, robot: Robot, angles: Angles) -> Figure:
+        """Ticks until the arm is at rest."""
+        from maira_qp.apps import plots
+        from maira_qp.solvers.solver import Solver
+
+        if not 0 < self.dt <= self.seconds < np.inf:
+            raise OptionError(f"--dt and --seconds must be positive, --dt the smaller; got {self.dt}, {self.seconds}")
+        target = self.pose.load(angles)
+        solver = Solver(robot, redundancy=self.redundancy.load(), options=self.options)
+        path = [robot.middle if self.q0 is None else robot.clip(angles.read(self.q0))]
+        velocity = np.zeros(robot.n)
+        for _ in range(round(self.seconds / self.dt)):
+            tick = solver.step(path[-1], target, self.dt, velocity=velocity)
+            path.append(tick.q)
+            velocity = tick.velocity
+            if np.abs(velocity).max() < AT_REST:
+                break
+        made = plots.figure(size=(7.4, 3.8))
+        plots.joint_paths(made.axes[0], robot, path, times=self.dt * np.arange(len(path)))
+        made.axes[0].set_title(f"{robot.name}: control ticks of {1e3 * self.dt:g} ms")
+        return made
+
+
+Pictures = (
+    Annotated[Convergence, tyro.conf.subcommand("convergence")]
+    | Annotated[TradeOff, tyro.conf.subcommand("trade-off")]
+    | Annotated[SelfMotion, tyro.conf.subcommand("self-motion")]
+    | Annotated[Reach, tyro.conf.subcommand("reach")]
+    | Annotated[JointPaths, tyro.conf.subcommand("path")]
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plot:
+    """Draw a picture into a .png, .svg or .pdf file: convergence, trade-off, self-motion, reach or path."""
+
+    picture: tyro.conf.OmitSubcommandPrefixes[tyro.conf.OmitArgPrefixes[Pictures]]
+
+    def run(self) -> int:
+        """Draws the picture; 0."""
+        return self.picture.run()

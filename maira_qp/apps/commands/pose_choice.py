@@ -1,0 +1,77 @@
+"""Which pose: a position with an orientation, or a file with the matrix."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import tyro
+
+from maira_qp.apps.commands.numbers import Position, Quaternion, Rpy
+from maira_qp.errors import PoseError
+
+if TYPE_CHECKING:
+    import pinocchio as pin
+
+    from maira_qp.apps.commands.output import Angles
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseChoice:
+    """Where the tool is to be."""
+
+    position: Position = None
+    """Wanted position of the tool in the base [m]; must be given unless --matrix holds it."""
+    quaternion: Quaternion = None
+    """Wanted orientation as a unit quaternion, scalar first; without any orientation: that of the base."""
+    rpy: Rpy = None
+    """Wanted orientation as roll, pitch, yaw about fixed axes [rad, or deg with --deg]."""
+    matrix: Path | None = None
+    """File with the wanted pose as 4x4 numbers (or 3x3, the orientation alone): text, .json or .npy."""
+    project: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Take the nearest rotation to a rounded matrix or quaternion, on purpose."""
+
+    @property
+    def given(self) -> list[str]:
+        """The flags that were given."""
+        names = ("position", "quaternion", "rpy", "matrix")
+        return [f"--{name}" for name in names if getattr(self, name) is not None]
+
+    def load(self, angles: Angles, others: str = "") -> pin.SE3:
+        """The wanted pose; `others` are other ways to give it, for the message.
+
+        Raises `PoseError` if it is not given, or given twice; `OSError`.
+        """
+        from maira_qp.problem.pose import pose
+
+        matrix = None if self.matrix is None else read_matrix(self.matrix)
+        whole = matrix is not None and matrix.shape == (4, 4)
+        if self.position is None and not whole:
+            raise PoseError(f"where to? give --position X Y Z, or --matrix FILE with a 4x4 pose{others}")
+        if self.position is not None and whole:
+            raise PoseError("--position and a 4x4 --matrix both give a position; leave one out")
+        return pose(
+            (0.0, 0.0, 0.0) if self.position is None else self.position,
+            quaternion=self.quaternion,
+            rpy=None if self.rpy is None else np.array(self.rpy) / angles.one,
+            matrix=matrix,
+            project=self.project,
+        )
+
+
+def read_matrix(path: Path) -> np.ndarray:
+    """Numbers from a file: .npy, .json, or text with blanks or commas between. Raises `PoseError`, `OSError`."""
+    try:
+        if path.suffix.lower() == ".npy":
+            return np.load(path, allow_pickle=False)
+        text = path.read_text(encoding="utf-8")
+        if path.suffix.lower() == ".json":
+            import json
+
+            return np.array(json.loads(text), dtype=float)
+        rows = [line.replace(",", " ").split() for line in text.splitlines()]
+        return np.array([[float(word) for word in row] for row in rows if row])
+    except (ValueError, TypeError, EOFError) as reason:
+        raise PoseError(f"{path} does not hold a matrix of numbers: {reason}") from None

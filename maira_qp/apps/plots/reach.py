@@ -1,0 +1,45 @@
+"""Where a tool of one orientation can be, on a plane."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.patches import Patch
+
+from maira_qp.apps.plots.style import COLORS, finish, styled
+from maira_qp.solvers.solution import Status
+
+REACHED, UNREACHABLE, OPEN = 0, 1, 2
+FILLS = (COLORS[0], "#E3E3E3", COLORS[4])
+"""Dark, light and between: told apart in grey too."""
+NAMES = ("reached", "proved unreachable", "open: neither")
+
+
+@styled
+def reach_slice(ax: Axes, x: np.ndarray, y: np.ndarray, status: np.ndarray, *, axes: str = "xz") -> None:
+    """The plane of positions x (K,) by y (L,) [m], a cell a target, by the status (L, K) that the solver gave it.
+
+    Reached, proved unreachable, or open: a nearest point or a spent budget proves nothing. `status` is as in
+    `solve_batch`, `axes` the names of the plane's two axes.
+    """
+    verdict = verdicts(status)
+    ax.pcolormesh(
+        x, y, verdict, cmap=ListedColormap(FILLS), norm=BoundaryNorm([-0.5, 0.5, 1.5, 2.5], 3), rasterized=True
+    )
+    ax.set_aspect("equal")
+    ax.set(xlabel=f"{axes[0]} [m]", ylabel=f"{axes[1]} [m]")
+    shares = [float(np.mean(verdict == kind)) for kind in range(3)]
+    handles = [
+        Patch(facecolor=fill, edgecolor="#888888", label=f"{name} ({100 * share:.1f} %)")
+        for fill, name, share in zip(FILLS, NAMES, shares, strict=True)
+    ]
+    finish(ax, handles)
+    ax.grid(False)
+
+
+def verdicts(status: np.ndarray) -> np.ndarray:
+    """REACHED, UNREACHABLE or OPEN for each status (...)."""
+    kinds = np.full(len(Status), OPEN)
+    kinds[Status.CONVERGED], kinds[Status.UNREACHABLE] = REACHED, UNREACHABLE
+    return kinds[np.asarray(status)]
