@@ -10,6 +10,7 @@ import time
 import numpy as np
 import pytest
 from conftest import misuse
+from PIL import Image
 
 import maira_qp as mq
 from maira_qp.apps.cli import main
@@ -128,6 +129,8 @@ def test_misuse_is_2_with_one_line(run, tmp_path):
         (("bench", "--targets", 0), "targets"),
         (("compare", "--targets", 0), "targets"),
         (("compare", "--picture", "comparison.xyz"), ".png"),
+        (("solv",), "did you mean 'solve'"),
+        (("plot", "reech"), "did you mean 'reach'"),
         (("compare", "--backend", "nope"), "daqp"),
     ):
         assert message in misuse(run(*arguments)), arguments
@@ -231,6 +234,63 @@ def test_pictures_are_checked_before_the_work(run, monkeypatch, tmp_path):
     for arguments in (("compare",), ("bench", "--output", tmp_path / "new")):
         assert "maira-qp[plot]" in misuse(run(*arguments))
     assert not (tmp_path / "new").exists()
+
+
+POSE = ("--position", 0.5, 0.2, 0.6, "--rpy", 10, 140, 20, "--deg")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("convergence", *POSE, "--redundancy", "strict", "--q0", *[20] * 7),
+        ("trade-off", *POSE, "--weights", 1e-4, 1e-2),
+        ("self-motion", *POSE),
+        ("reach", "--rpy", 180, 0, 0, "--deg", "--plane", "xy", "--at", 0.3, "--cells", 5),
+        ("path", *POSE, "--seconds", 0.5),
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_plot_draws_a_picture(run, tmp_path, arguments):
+    """Each kind, by its name, in the format that the file's name asks for, in as many dots as asked for."""
+    path = tmp_path / "new" / "picture.png"
+    code, out, err = run("plot", *arguments, "--robot", "iiwa14", "--output", path, "--dpi", 50)
+    assert (code, out, err) == (0, f"picture: {path}\n", "")
+    with Image.open(path) as picture:
+        assert 300 <= picture.size[0] <= 400
+        assert len(picture.convert("RGB").getcolors(1 << 16)) > 20
+
+
+def test_plot_writes_nothing_on_bad_input(run, tmp_path, monkeypatch):
+    """Whatever is wrong is told before anything is drawn: no file, no folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scara.toml").write_text('name = "scara"\nlinks = [{ kind = "revolute", a = 0.4 }]\n')
+    for arguments, message in (
+        (("convergence",), "--position"),
+        (("convergence", *POSE, "--q0", 1), "(7,)"),
+        (("convergence", *POSE, "--weight", 1), "--redundancy weighted"),
+        (("convergence", *POSE, "--seed", -1), "--seed"),
+        (("convergence", *POSE, "--output", "a.gif"), ".png, .svg, .pdf"),
+        (("convergence", *POSE, "--dpi", 0), "--dpi"),
+        (("trade-off", *POSE, "--weights", -1), "positive"),
+        (("trade-off", *POSE, "--weights"), "--weights"),
+        (("self-motion", "--position", 9, 0, 0), "no configuration"),
+        (("self-motion", *POSE, "--robot", "scara.toml"), "S-R-S"),
+        (("reach", "--cells", 1), "cells"),
+        (("reach", "--at", "nan"), "finite"),
+        (("path", *POSE, "--dt", 0), "--dt"),
+        (("path", *POSE, "--dt", 2, "--seconds", 1), "--dt"),
+    ):
+        assert message in misuse(run("plot", *arguments)), arguments
+    assert [file.name for file in tmp_path.iterdir()] == ["scara.toml"]
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_shell_completion(run, shell):
+    """A script for each shell, that knows verbs, pictures and flags."""
+    code, out, _ = run("--tyro-print-completion", shell)
+    assert code == 0
+    for word in ("maira-qp", "solve", "doctor", "self-motion", "quaternion"):
+        assert word in out
 
 
 def test_the_seed_decides(run):

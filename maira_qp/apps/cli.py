@@ -7,19 +7,20 @@ import io
 import os
 import sys
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Any, get_args
 
 import tyro
 
 import maira_qp
 from maira_qp.apps.commands.bench import Bench
 from maira_qp.apps.commands.compare import Compare
+from maira_qp.apps.commands.doctor import Doctor
 from maira_qp.apps.commands.fk import Fk
-from maira_qp.apps.commands.plot import Plot
+from maira_qp.apps.commands.plot import Pictures, Plot
 from maira_qp.apps.commands.solve import Solve
 from maira_qp.apps.commands.urdf import Urdf
 from maira_qp.apps.commands.view import View
-from maira_qp.errors import MairaError
+from maira_qp.errors import MairaError, OptionError, listed
 
 MISUSE = 2
 INTERRUPTED = 130
@@ -30,9 +31,10 @@ DESCRIPTION = """Constrained inverse kinematics by quadratic programming.
 Lengths are in m, angles in rad (solve and fk: in deg with --deg), times in s; quaternions are W X Y Z.
 
 Exit codes: 0 done, and for solve: solved; 1 not solved, the nearest found is printed; 3 proved to be out of reach;
-4 neither, the budget was spent; 2 misuse, told on stderr; 130 interrupted; 141 the reader of the output went away.
+4 neither, the budget was spent; of doctor: 1 something is at fault; 2 misuse, told on stderr; 130 interrupted; 141 the
+reader of the output went away.
 
-maira-qp --version prints the version."""
+maira-qp --version prints the version; maira-qp --tyro-print-completion bash (zsh, fish) prints shell completions."""
 
 Command = (
     Annotated[Solve, tyro.conf.subcommand("solve")]
@@ -42,6 +44,7 @@ Command = (
     | Annotated[Bench, tyro.conf.subcommand("bench")]
     | Annotated[Plot, tyro.conf.subcommand("plot")]
     | Annotated[View, tyro.conf.subcommand("view")]
+    | Annotated[Doctor, tyro.conf.subcommand("doctor")]
 )
 
 
@@ -78,12 +81,15 @@ def _run(arguments: list[str]) -> int:
     except (MairaError, OSError) as reason:
         print(f"maira-qp: error: {reason}", file=sys.stderr)  # noqa: T201
         return MISUSE
-    except SystemExit as end:  # help (0), or what cannot be parsed (2), was printed
-        return end.code if isinstance(end.code, int) else MISUSE
+    except SystemExit as end:  # help or completions (0, None), or what cannot be parsed (2), was printed
+        return MISUSE if isinstance(end.code, str) else end.code or 0
 
 
 def _parse(arguments: list[str]) -> Command:
     """The command with its flags. Raises `MairaError` for a bad value, `SystemExit` after help or a bad flag."""
+    _check_word(arguments[:1], "command", Command)
+    if arguments[:1] == ["plot"]:
+        _check_word(arguments[1:2], "picture", Pictures)
     told = io.StringIO()
     try:
         with contextlib.redirect_stderr(told):
@@ -96,3 +102,11 @@ def _parse(arguments: list[str]) -> Command:
             reason = reason.__context__
         sys.stderr.write(told.getvalue())
         raise
+
+
+def _check_word(words: list[str], kind: str, union: Any) -> None:
+    """Raises `OptionError` for a word, if there is one, that is no flag and names no member of a union of commands."""
+    names = [get_args(member)[1].name for member in get_args(union)]
+    for word in words:
+        if not word.startswith("-") and word not in names:
+            raise OptionError(f"no {kind} {word!r}; {listed(names, word)}")

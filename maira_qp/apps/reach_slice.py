@@ -46,6 +46,8 @@ def reach_slice(
         raise OptionError(f"plane must be one of {', '.join(PLANES)}, got {plane!r}")
     if cells < 2:
         raise OptionError(f"cells must be 2 or more, got {cells}")
+    if not np.isfinite(at):
+        raise OptionError(f"the place of the plane must be finite, got {at}")
     first, second = ("xyz".index(axis) for axis in plane)
     x, y = _window(solver.robot, [first, second], cells)
     targets = np.tile(np.eye(4), (cells, cells, 1, 1))

@@ -32,8 +32,8 @@ AT_REST = 1e-5
 class Picture(ABC):
     """What every picture is asked with."""
 
-    file: ClassVar[str]
-    """Its usual name"""
+    name: ClassVar[str]
+    """On the command line, and of its file"""
 
     choice: RobotFlags = field(default_factory=RobotChoice)
     options: SolverFlags = field(default_factory=Options)
@@ -48,7 +48,7 @@ class Picture(ABC):
         """Draws and says where; 0."""
         from maira_qp.apps.commands.output import Angles, check_picture, console
 
-        path = self.output or Path("output") / f"{self.file}.png"
+        path = self.output or Path("output") / f"{self.name}.png"
         check_picture(path)
         if not 0 < self.dpi < np.inf:
             raise OptionError(f"--dpi must be a positive number, got {self.dpi}")
@@ -70,7 +70,7 @@ class Picture(ABC):
 class Convergence(Picture):
     """Pose error against the iteration of one solve, by the general engine."""
 
-    file = "convergence"
+    name = "convergence"
 
     pose: PoseFlags = field(default_factory=PoseChoice)
     redundancy: RedundancyFlags = field(default_factory=RedundancyChoice)
@@ -99,7 +99,7 @@ class Convergence(Picture):
 class TradeOff(Picture):
     """Pose error against posture cost of the weighted method over its weights, with the strict one as a point."""
 
-    file = "trade-off"
+    name = "trade-off"
 
     pose: PoseFlags = field(default_factory=PoseChoice)
     weights: tuple[float, ...] = tuple(10.0**exponent for exponent in range(-8, 1))
@@ -136,7 +136,7 @@ class SelfMotion(Picture):
 
     Above: the joints of the branch that holds the best of all; below: the arcs of every branch."""
 
-    file = "self-motion"
+    name = "self-motion"
 
     pose: PoseFlags = field(default_factory=PoseChoice)
 
@@ -166,7 +166,7 @@ class SelfMotion(Picture):
 class Reach(Picture):
     """A plane of positions at one orientation: reached, proved unreachable, or open."""
 
-    file = "reach"
+    name = "reach"
 
     quaternion: Quaternion = None
     """Orientation of the tool as a unit quaternion, scalar first; without any: that of the base."""
@@ -203,7 +203,7 @@ class Reach(Picture):
 class JointPaths(Picture):
     """Joints over time, each between its limits, while control ticks take the tool to a pose."""
 
-    file = "path"
+    name = "path"
 
     pose: PoseFlags = field(default_factory=PoseChoice)
     redundancy: RedundancyFlags = field(default_factory=RedundancyChoice)
@@ -238,11 +238,11 @@ class JointPaths(Picture):
 
 
 Pictures = (
-    Annotated[Convergence, tyro.conf.subcommand("convergence")]
-    | Annotated[TradeOff, tyro.conf.subcommand("trade-off")]
-    | Annotated[SelfMotion, tyro.conf.subcommand("self-motion")]
-    | Annotated[Reach, tyro.conf.subcommand("reach")]
-    | Annotated[JointPaths, tyro.conf.subcommand("path")]
+    Annotated[Convergence, tyro.conf.subcommand(Convergence.name)]
+    | Annotated[TradeOff, tyro.conf.subcommand(TradeOff.name)]
+    | Annotated[SelfMotion, tyro.conf.subcommand(SelfMotion.name)]
+    | Annotated[Reach, tyro.conf.subcommand(Reach.name)]
+    | Annotated[JointPaths, tyro.conf.subcommand(JointPaths.name)]
 )
 
 

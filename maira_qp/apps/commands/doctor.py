@@ -1,0 +1,64 @@
+"""`maira-qp doctor`: what is installed here, and whether it works."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+import tyro
+
+if TYPE_CHECKING:
+    from maira_qp.apps.doctor import Finding
+
+SICK = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Doctor:
+    """Look at versions, QP backends, extras and the cache of compiled code, and solve a pose. The exit code is 0 if all
+    is well, 1 if not; what is optional may be absent."""
+
+    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    """One JSON value on stdout."""
+
+    def run(self) -> int:
+        """Prints the findings; the exit code as the class says."""
+        from maira_qp.apps.commands.output import print_json
+        from maira_qp.apps.doctor import State, examine
+
+        findings = list(examine())
+        faults = [finding for finding in findings if finding.state is State.FAULT]
+        if self.json:
+            rows = [{**asdict(finding), "state": finding.state.value} for finding in findings]
+            print_json({"well": not faults, "findings": rows})
+        else:
+            _show(findings, faults)
+        return SICK if faults else 0
+
+
+def _show(findings: list[Finding], faults: list[Finding]) -> None:
+    """The findings as a table on stdout."""
+    from rich.table import Table
+    from rich.text import Text
+
+    from maira_qp.apps.commands.output import console
+    from maira_qp.apps.doctor import State
+
+    colors = {State.WELL: "green", State.ABSENT: "dim", State.FAULT: "bold red"}
+    table = Table()
+    for name in ("", "what", "state", "seen"):
+        table.add_column(name, overflow="fold")
+    group = ""
+    for finding in findings:
+        if group and finding.group != group:
+            table.add_section()
+        lines = "\n".join(line for line in (finding.told, finding.advice) if line)
+        shown = finding.group if finding.group != group else ""
+        table.add_row(shown, finding.name, Text(finding.state.value, colors[finding.state]), lines)
+        group = finding.group
+    out = console()
+    out.print(table)
+    if not faults:
+        out.print("all is well", style="bold green")
+    for fault in faults:
+        out.print(f"{fault.name}: {fault.told}; {fault.advice}", style="bold red")
