@@ -11,6 +11,9 @@ from matplotlib.ticker import PercentFormatter
 from maira_qp.apps.benchmark.statistics import wilson_interval
 from maira_qp.apps.plots.style import COLORS, finish, styled
 
+HATCHES = ("", "//", "\\\\", "..", "xx", "--", "++", "oo", "||")
+"""One more than there are colours: no two of many bars look the same."""
+
 
 @styled
 def success_bars(ax: Axes, counts: Mapping[str, Mapping[str, tuple[int, int]]]) -> None:
@@ -26,8 +29,8 @@ def success_bars(ax: Axes, counts: Mapping[str, Mapping[str, tuple[int, int]]]) 
         pairs = [group[method] for group in counts.values() if method in group]
         rates = np.array([successes / trials if trials else 0.0 for successes, trials in pairs])
         low, high = np.array([wilson_interval(*pair) for pair in pairs]).T
-        hatch = "//" if i >= len(COLORS) else None
-        ax.barh(y, rates, 0.9 * height, color=COLORS[i % len(COLORS)], hatch=hatch, label=method)
+        look = {"color": COLORS[i % len(COLORS)], "hatch": HATCHES[i % len(HATCHES)], "edgecolor": "white"}
+        ax.barh(y, rates, 0.9 * height, linewidth=0.0, label=method, **look)
         ax.errorbar(rates, y, xerr=[rates - low, high - rates], color="black", linestyle="", capsize=3, linewidth=1)
         for place in zip(np.maximum(high, rates), y, rates, strict=True):
             text = f"{100 * place[2]:.4g} %"
