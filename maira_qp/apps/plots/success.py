@@ -29,8 +29,8 @@ def success_bars(ax: Axes, counts: Mapping[str, Mapping[str, tuple[int, int]]]) 
         pairs = [group[method] for group in counts.values() if method in group]
         rates = np.array([successes / trials if trials else 0.0 for successes, trials in pairs])
         low, high = np.array([wilson_interval(*pair) for pair in pairs]).T
-        look = {"color": COLORS[i % len(COLORS)], "hatch": HATCHES[i % len(HATCHES)], "edgecolor": "white"}
-        ax.barh(y, rates, 0.9 * height, linewidth=0.0, label=method, **look)
+        color, hatch = COLORS[i % len(COLORS)], HATCHES[i % len(HATCHES)]
+        ax.barh(y, rates, 0.9 * height, color=color, hatch=hatch, edgecolor="white", linewidth=0.0, label=method)
         ax.errorbar(rates, y, xerr=[rates - low, high - rates], color="black", linestyle="", capsize=3, linewidth=1)
         for place in zip(np.maximum(high, rates), y, rates, strict=True):
             text = f"{100 * place[2]:.4g} %"
