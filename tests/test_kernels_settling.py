@@ -87,7 +87,7 @@ class Problem:
     def settle_generally(self, row: np.ndarray, start: np.ndarray) -> Settled:
         """The definition."""
         cost = self.cost(row)
-        reached = self.solver._reached(cost)
+        reached = self.solver._general.reached(cost)
         return settle_generally(self.redundancy, cost, self.robot.at(start), self.setting, Budget(None), reached)
 
     def left(self, row: np.ndarray, q: np.ndarray) -> float:
@@ -107,7 +107,7 @@ class Problem:
         """The outcome by the general engine: never a false optimum, and no optimum of Strict off the pose."""
         at, cost = self.robot.at(q), self.cost(row)
         position, orientation = cost.tasks[0].residual(at)
-        assert bool(outcome[REACHED]) == self.solver._reached(cost)(at)
+        assert bool(outcome[REACHED]) == self.solver._general.reached(cost)(at)
         assert outcome[POSITION_ERROR] == pytest.approx(position, abs=1e-13)
         assert outcome[ORIENTATION_ERROR] == pytest.approx(orientation, abs=1e-13)
         assert outcome[OBJECTIVE] == pytest.approx(self.objective.cost(at), rel=1e-12)

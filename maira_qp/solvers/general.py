@@ -56,7 +56,7 @@ class General:
         """Search, then settle and judge."""
         budget = Budget(self.setting.options.deadline, observe)
         cost, wish = self.priorities.costs(targets)
-        reached = self._reached(cost)
+        reached = self.reached(cost)
         start = None if q0 is None else self.setting.admitted(q0)
         rows = np.array([[row_of(pose) for pose in targets.values()]]).reshape(1, -1, 12)
         stream = streams(rows, seed)
@@ -64,7 +64,7 @@ class General:
         found = None
         if len(self.priorities.all_tasks) > len(self.priorities.first):
             everything = tasks_toward(self.priorities.all_tasks, targets)
-            together = search(everything, start, self.setting, budget, rng, self._reached(everything), TOGETHER)
+            together = search(everything, start, self.setting, budget, rng, self.reached(everything), TOGETHER)
             found = together if together.best.reached else None
         if found is None and self.compiled is not None and observe is None and self.compiled.takes(start):
             found = self.compiled.search(rows[0, 0], start, stream, bool(seed.any()), budget)
@@ -103,7 +103,7 @@ class General:
         cost, wish = self.priorities.costs(targets)
         found = found_by_kernel(self.setting.robot, q, outcome)
         budget = Budget(None, iterations=int(outcome[2]))
-        return self._finish(found, cost, wish, self._reached(cost), budget, outcome[6] > 0.0, targets)
+        return self._finish(found, cost, wish, self.reached(cost), budget, outcome[6] > 0.0, targets)
 
     @cached_property
     def _proofs(self) -> Proofs | None:
@@ -115,7 +115,8 @@ class General:
         """It is proved that the targets cannot be reached."""
         return self._proofs is not None and self._proofs.proof(targets) is not None
 
-    def _reached(self, cost: TaskCost) -> Reached:
+    def reached(self, cost: TaskCost) -> Reached:
+        """Whether a configuration counts as there: the tasks within their tolerances, and bent limits kept."""
         options = self.setting.options
 
         def reached(at: Configuration) -> bool:
