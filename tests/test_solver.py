@@ -258,9 +258,11 @@ def test_small_budgets_are_kept(maira, options, rng):
 
 
 def test_tolerances_are_those_of_the_options(maira, rng):
-    target = maira.forward(maira.random_configuration(rng))
-    loose = mq.Solver(maira, options=mq.Options(position_tolerance=1e-2, orientation_tolerance=1e-2)).solve(target)
-    tight = mq.Solver(maira, options=mq.Options(position_tolerance=1e-12, orientation_tolerance=1e-12)).solve(target)
+    target, q0 = maira.forward(maira.random_configuration(rng)), maira.random_configuration(rng)
+    loose, tight = (
+        mq.Solver(maira, options=mq.Options(position_tolerance=size, orientation_tolerance=size)).solve(target, q0)
+        for size in (1e-2, 1e-12)
+    )
     assert loose.success
     assert tight.success
     assert max(tight.position_error, tight.orientation_error) <= 1e-12

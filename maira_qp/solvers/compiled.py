@@ -324,7 +324,7 @@ class Compiled:
         rows, starts, first, best = row.reshape(1, 12), self._starts(q0), 0, None
         while True:
             q, outcome = np.empty((1, self.robot.n)), np.empty((1, OUTCOME))
-            last = min(first + HEAD, self.last_attempt) if budget.has_deadline else self.last_attempt
+            last = min(first + LANES - 1, self.last_attempt) if budget.has_deadline else self.last_attempt
             if budget.has_deadline:
                 self._search(rows, starts, stream, shuffled, first, last, q, outcome)
             else:
@@ -333,7 +333,8 @@ class Compiled:
             found = found_by_kernel(self.robot, q[0], outcome[0])
             if best is None or found.best.reached or found.best.cost < best.cost:
                 best = found.best
-            proved = found.proved or (not best.reached and first == 0 and bool(self.proofs.unreachable(rows)[0]))
+            asks = budget.has_deadline and not (best.reached or first or budget.late())
+            proved = found.proved or (asks and bool(self.proofs.unreachable(rows)[0]))
             if best.reached or proved or last == self.last_attempt or budget.late():
                 return Search(best, found.restarts, proved)
             first = last + 1

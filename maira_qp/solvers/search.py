@@ -82,8 +82,9 @@ def search(
         )
         if best is None or descent.reached or descent.cost < best.cost:
             best = descent
-        over = attempt == last or budget.late()
-        asks = not descent.reached and (attempt == HEAD or (over and attempt < HEAD))
+        late = budget.late()
+        over = attempt == last or late
+        asks = not (descent.reached or late) and (attempt == HEAD or (over and attempt < HEAD))
         proved = asks and is_hopeless is not None and is_hopeless()
         if descent.reached or over or proved:
             log.debug("search: reached=%s after %d restarts, cost %.3g", best.reached, attempt, best.cost)
