@@ -15,8 +15,8 @@ from maira_qp.kernels.search import FINAL_COST, SPENT, SUCCESS
 from maira_qp.problem.costs import TaskCost
 from maira_qp.robots.configuration import Configuration
 from maira_qp.solvers.compiled import Compiled
-from maira_qp.solvers.descent import Budget, Descent, Stall, descend
-from maira_qp.solvers.search import Search
+from maira_qp.solvers.descent import Budget, Descent
+from maira_qp.solvers.search import Search, attempt_from
 from maira_qp.solvers.setting import Setting
 
 DESCENTS = 8
@@ -54,15 +54,7 @@ def screen(
     order = np.lexsort((outcome[:, FINAL_COST], breaches))[: 1 if proved else DESCENTS]
     best: Descent | None = None
     for k in order:
-        descent = descend(
-            cost,
-            robot.at(setting.admitted(q[k])),
-            setting,
-            budget,
-            reached=reached,
-            max_iterations=options.max_iterations,
-            stall=Stall(options.stall_steps, options.stall_ratio),
-        )
+        descent = attempt_from(robot.at(setting.admitted(q[k])), cost, setting, budget, reached)
         if best is None or descent.reached or descent.cost < best.cost:
             best = descent
         if descent.reached or budget.late():

@@ -71,15 +71,7 @@ def search(
         else:
             stream = stream or rng()
             start = random_start(cost, setting, stream)
-        descent = descend(
-            cost,
-            start,
-            setting,
-            budget,
-            reached=reached,
-            max_iterations=options.max_iterations,
-            stall=Stall(options.stall_steps, options.stall_ratio),
-        )
+        descent = attempt_from(start, cost, setting, budget, reached)
         if best is None or descent.reached or descent.cost < best.cost:
             best = descent
         late = budget.late()
@@ -90,6 +82,19 @@ def search(
             log.debug("search: reached=%s after %d restarts, cost %.3g", best.reached, attempt, best.cost)
             return Search(best, attempt, proved)
         attempt += 1
+
+
+def attempt_from(
+    start: Configuration,
+    cost: TaskCost,
+    setting: Setting,
+    budget: Budget,
+    reached: Callable[[Configuration], bool],
+) -> Descent:
+    """One descent, given up where it stalls."""
+    options = setting.options
+    stall = Stall(options.stall_steps, options.stall_ratio)
+    return descend(cost, start, setting, budget, reached=reached, max_iterations=options.max_iterations, stall=stall)
 
 
 def random_start(cost: TaskCost, setting: Setting, stream: np.random.Generator) -> Configuration:
