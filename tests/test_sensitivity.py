@@ -205,13 +205,15 @@ def test_a_task_knows_its_second_derivatives_at_any_error(panda, task, angle, rn
 
     assert_close(task.target_jacobian(at), difference_jacobian(lambda t: toward(t).error(at), np.zeros(6)), 1e-8)
     for value, H, B in (
-        (lambda r: -y @ r, task.curvature(at, y), task.target_curvature(at, y)),
+        (lambda r: -y @ r, task.error_curvature(at, y), task.target_curvature(at, y)),
         (lambda r: 0.5 * r @ r, task.hessian(at), task.target_hessian(at)),
     ):
         by_q = difference_jacobian(lambda x: gradient(value, task, x), q, 1e-4)  # noqa: B023
         by_target = difference_jacobian(lambda t: gradient(value, toward(t), q), np.zeros(6), 1e-4)  # noqa: B023
         assert_close(H, by_q, 1e-6)
         assert_close(B, by_target, 1e-6)
+    bend = difference_jacobian(lambda x: y @ task.rows(panda.at(x))[0], q, 1e-4)
+    assert_close(task.curvature(at, y), 0.5 * (bend + bend.T), 1e-6)
 
 
 @five_robots

@@ -85,7 +85,7 @@ class TaskCost:
         return (np.vstack([G for G, _ in rows]), np.concatenate([h for _, h in rows])) if rows else None
 
     def curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
-        """`-sum_k multipliers_k d2(W e)_k/dq2` (n, n): how the rows bend; multipliers (m,)."""
+        """`sum_k multipliers_k d(W J)_k/dq` (n, n), symmetric: how the rows bend; multipliers (m,)."""
         C, start = np.zeros((at.n, at.n)), 0
         for task in self.tasks:
             stop = start + len(task.error(at)) if len(self.tasks) > 1 else len(multipliers)

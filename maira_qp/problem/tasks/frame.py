@@ -107,6 +107,11 @@ class FrameTask(TargetTask):
         return bool((w[:3] == w[0]).all() and (w[3:] == w[3]).all())
 
     @cached_property
+    def _turns_evenly(self) -> bool:
+        """The angular rows count the same each, so that the logarithm's own derivative cancels in the gradient."""
+        return bool((self.all_weights[3:] == self.all_weights[3]).all())
+
+    @cached_property
     def kept(self) -> np.ndarray:
         """Which of the six rows (6,) count at all."""
         return self.all_weights > 0
@@ -129,8 +134,7 @@ class FrameTask(TargetTask):
 
     def jacobian(self, at: Configuration) -> np.ndarray:
         """Jacobian (m, n): the error falls by J dq. Even weights: the geometric Jacobian in base axes."""
-        w = self.all_weights
-        return self._derivative(at) if (w[3:] != w[3]).any() else self._in_task_axes(at.jacobian(self.frame))
+        return self._in_task_axes(at.jacobian(self.frame)) if self._turns_evenly else self._derivative(at)
 
     def target_jacobian(self, at: Configuration) -> np.ndarray:
         """Derivative (m, 6) of the error by a twist of the target: linear [m], then angular [rad], in base axes.
@@ -146,7 +150,13 @@ class FrameTask(TargetTask):
         return self._in_task_axes(D)
 
     def curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
-        """That of the frame's pose (n, n), and of the logarithm where the orientation is off."""
+        """That of the frame's pose (n, n), as its Jacobian is; of the error where angular rows count differently."""
+        if self._turns_evenly:
+            return at.kinematic_hessian_product(self.frame, self._in_base(self.weights * multipliers))
+        return self.error_curvature(at, multipliers)
+
+    def error_curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
+        """`-sum_k multipliers_k d2(W e)_k/dq2` (n, n), of the logarithm too where the orientation is off."""
         pull = self._in_base(self.weights * multipliers)
         if not pull[3:].any():
             return at.kinematic_hessian_product(self.frame, pull)
@@ -169,7 +179,7 @@ class FrameTask(TargetTask):
     def hessian(self, at: Configuration) -> np.ndarray:
         """The exact Hessian `A^T A - sum_k (W e)_k d2(W e)_k/dq2` (n, n), `A = -d(W e)/dq`."""
         A, r = self.weights[:, None] * self._derivative(at), self.weighted_error(at)
-        return A.T @ A + self.curvature(at, -r)
+        return A.T @ A + self.error_curvature(at, -r)
 
     def target_hessian(self, at: Configuration) -> np.ndarray:
         """How the gradient of `1/2 |W e|^2` changes with the target (n, 6), exact as well."""

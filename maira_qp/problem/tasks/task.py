@@ -90,7 +90,8 @@ class Task(ABC):
         """J (m, n): the error falls by J dq."""
 
     def curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
-        """`-sum_k multipliers_k d2(W e)_k/dq2` (n, n), how the rows bend, for multipliers (m,); zero where unknown."""
+        """How the rows `W J` bend (n, n): `sum_k multipliers_k d(W J)_k/dq`, symmetric, for multipliers (m,); zero where
+        unknown."""
         return np.zeros((at.n, at.n))
 
     def hessian(self, at: Configuration) -> np.ndarray:
