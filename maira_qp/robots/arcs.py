@@ -32,6 +32,7 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 
+from maira_qp.orientation import pose_error
 from maira_qp.robots.robot import Robot
 from maira_qp.robots.srs import (
     BRANCHES,
@@ -89,9 +90,21 @@ class Arc:
         """
         robot = self.robot
         psi = np.clip(np.asarray(psi, dtype=float), self.lower, self.upper)
+        turns = _TURN * np.array(self.turns)
         q = _from_lower(self._srs, self._srs.evaluate(self._elbow, psi.ravel())[:, BRANCHES.index(self.branch) % 4])
-        q = self._at_its_end(psi.ravel(), q) + _TURN * np.array(self.turns)
-        return np.clip(q, robot.lower, robot.upper).reshape(*psi.shape, 7)
+        within = np.clip(self._at_its_end(psi.ravel(), q) + turns, robot.lower, robot.upper)
+        for k in np.flatnonzero((within != q + turns).any(axis=1)):
+            within[k] = self._polished(within[k])
+        return within.reshape(*psi.shape, 7)
+
+    def _polished(self, q: np.ndarray) -> np.ndarray:
+        """Angles (7,) at an end, where some are moved to their limits, with the rest moved so that the pose is kept."""
+        robot = self.robot
+        free = (robot.lower < q) & (q < robot.upper)
+        J = robot.jacobian(q)[:, free]
+        q = q.copy()
+        q[free] += np.linalg.lstsq(J, pose_error(robot.forward(q), self._elbow.target), rcond=1e-6)[0]
+        return np.clip(q, robot.lower, robot.upper)
 
     def _at_its_end(self, psi: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Angles (N, 7) with the joints that are at the start of their range taken from the nearer end of the arc."""

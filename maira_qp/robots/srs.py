@@ -169,6 +169,8 @@ class ElbowBranch:
     """A = R_1 R_2 R_3"""
     wrist: Circle
     """B = R_5 R_6 R_7"""
+    target: np.ndarray
+    """T (4, 4)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,8 +252,7 @@ class SRS:
         long = max((distance - smallest) * (distance + smallest), 0.0)
         theta = float(2 * np.arctan2(np.sqrt(short), np.sqrt(long)))
         signs = (1,) if theta in (0.0, float(2 * np.arctan2(1.0, 0.0))) else (1, -1)
-        D = T[:3, :3] @ self.tip[:3, :3].T
-        return [self._elbow_branch(sign, self.phase + sign * theta, line, D) for sign in signs]
+        return [self._elbow_branch(sign, self.phase + sign * theta, line, T) for sign in signs]
 
     def is_singular(self, T: np.ndarray) -> bool:
         """Whether some solution for a pose T (4, 4), limits aside, is one of those that are not covered, see above."""
@@ -264,8 +265,9 @@ class SRS:
                     return True
         return False
 
-    def _elbow_branch(self, sign: int, q4: float, line: np.ndarray, D: np.ndarray) -> ElbowBranch:
-        """The branch with this elbow angle for a wrist at `line` (3,) [m] from the shoulder; D (3, 3) see above."""
+    def _elbow_branch(self, sign: int, q4: float, line: np.ndarray, T: np.ndarray) -> ElbowBranch:
+        """The branch with this elbow angle for a pose T (4, 4), whose wrist is at `line` (3,) [m] from the shoulder."""
+        D = T[:3, :3] @ self.tip[:3, :3].T
         R_4 = rotations(self.axes[3], np.array(q4))
         v = self._from_shoulder(q4)
         body = _frame(v, -sign * np.cross(self.axes[3], v))
@@ -275,7 +277,7 @@ class SRS:
             np.outer(base[:, 1], body[:, 1]) + np.outer(base[:, 2], body[:, 2]),
             np.outer(base[:, 2], body[:, 1]) - np.outer(base[:, 1], body[:, 2]),
         ]
-        return ElbowBranch(sign, q4, Circle(*turning), Circle(*(R_4.T @ part.T @ D for part in turning)))
+        return ElbowBranch(sign, q4, Circle(*turning), Circle(*(R_4.T @ part.T @ D for part in turning)), T)
 
     def evaluate(self, branch: ElbowBranch, psi: np.ndarray) -> np.ndarray:
         """Joint angles (N, 4, 7) [rad] at psi (N,), NaN where there are none; the 4 as in `BRANCHES`, limits aside."""
