@@ -91,25 +91,40 @@ class Tab:
         focal = 0.5 * SIZE["height"] / np.tan(0.5 * camera.fov)
         return 0.5 * np.array([SIZE["width"], SIZE["height"]]) + focal * np.array([x, y]) / z
 
+    def see(self, frames: int) -> None:
+        """Waits until the page was drawn so many times: what is under the mouse is found when it is drawn."""
+        self.page.evaluate(
+            "frames => new Promise(done => { const next = () => frames-- > 0 ? requestAnimationFrame(next) : done();"
+            " next(); })",
+            frames,
+        )
+
     def drag(self, begin: np.ndarray, end: np.ndarray) -> None:
         """With the mouse, from one place on the screen (2,) to another."""
         self.page.bring_to_front()
         mouse = self.page.mouse
         mouse.move(*begin)
-        self.page.wait_for_timeout(300)
+        self.see(4)
         mouse.down()
+        self.see(1)
         for share in np.linspace(0, 1, 8):
             mouse.move(*((1 - share) * begin + share * end))
-            self.page.wait_for_timeout(40)
+            self.see(1)
         mouse.up()
 
     def drag_target(self, axis: int, way: float) -> None:
-        """The target's gizmo by one of its arrows, so far [m] along it."""
+        """The target's gizmo by one of its arrows, so far [m] along it; a grip that missed is tried again."""
         from maira_qp.apps.viewer.scene import GIZMO
 
-        T = self.viewer.current.target
-        grip = T.translation + 0.75 * GIZMO * self.viewer.current.robot.length * T.rotation[:, axis]
-        self.drag(self.on_screen(grip), self.on_screen(grip + way * T.rotation[:, axis]))
+        session, before = self.viewer.current, self.viewer.current.target.translation
+        for _ in range(4):
+            T = session.target
+            grip = T.translation + 0.75 * GIZMO * session.robot.length * T.rotation[:, axis]
+            self.drag(self.on_screen(grip), self.on_screen(grip + way * T.rotation[:, axis]))
+            self.page.wait_for_timeout(300)
+            if np.linalg.norm(session.target.translation - before) > 0.2 * abs(way):
+                return
+        raise AssertionError("the target cannot be dragged")
 
     def picture(self) -> np.ndarray:
         """The scene as it is seen (height, width, 3), without the panel on its right."""
@@ -176,7 +191,6 @@ def test_dragging_the_target_moves_the_joints_until_the_tool_is_there(tab, viewe
     session = viewer.current
     q, before = session.q, session.target
     tab.drag_target(0, -0.15)
-    tab.wait(lambda: np.linalg.norm(session.target.translation - before.translation) > 0.05)
     tab.wait(lambda: np.abs(mq.pose_error(session.robot.forward(session.q), session.target)).max() < 1e-6)
     assert np.abs(session.q - q).max() > 0.02
     way = before.rotation.T @ (session.target.translation - before.translation)
@@ -308,16 +322,11 @@ def test_another_robot_is_picked_and_a_wrong_file_is_told(tab, viewer):
 def test_two_tabs_show_the_same_arm_and_either_may_go(context, tab, viewer):
     tab.go_home()
     other = Tab(context, viewer)
-    session = viewer.current
-    before = session.target.translation
     other.drag_target(2, -0.1)
-    other.wait(lambda: np.linalg.norm(session.target.translation - before) > 0.03)
     other.page.close()
     tab.go_home()
     tab.wait(lambda: other.client not in viewer.server.get_clients())
-    before = session.target.translation
     tab.drag_target(2, -0.1)
-    tab.wait(lambda: np.linalg.norm(session.target.translation - before) > 0.03)
     assert other.complaints == []
 
 
@@ -329,6 +338,4 @@ def test_a_tab_that_comes_back_finds_the_arm_where_it_was(tab, viewer):
     (tab.client,) = set(viewer.server.get_clients()) - clients
     tab.page.get_by_text("condition number").wait_for(timeout=1000 * PATIENCE)
     np.testing.assert_array_equal(viewer.current.q, q)
-    before = viewer.current.target.translation
     tab.drag_target(0, -0.1)
-    tab.wait(lambda: np.linalg.norm(viewer.current.target.translation - before) > 0.03)
