@@ -138,7 +138,7 @@ def test_misuse_is_2_with_one_line(run, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "arguments", [(), ("nope",), ("solve", "--bogus"), ("solve", "--position", "1", "2"), ("fk", "x")]
+    "arguments", [(), ("plot",), ("nope",), ("solve", "--bogus"), ("solve", "--position", "1", "2"), ("fk", "x")]
 )
 def test_what_cannot_be_parsed_is_2(run, arguments):
     """Unknown verbs and flags and missing values: exit code 2, told on stderr, no traceback."""
@@ -147,6 +147,14 @@ def test_what_cannot_be_parsed_is_2(run, arguments):
     assert out == ""
     assert err
     assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(("arguments", "names"), [((), ("solve", "view", "doctor")), (("plot",), ("reach", "path"))])
+def test_without_a_name_all_are_shown(run, arguments, names):
+    code, out, err = run(*arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith("usage: maira-qp")
+    assert all(name in err for name in names)
 
 
 def test_degrees_in_and_out(run, iiwa14):

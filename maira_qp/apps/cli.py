@@ -68,6 +68,10 @@ def _run(arguments: list[str]) -> int:
     if arguments == ["--version"]:
         sys.stdout.write(f"maira-qp {maira_qp.__version__}\n")
         return 0
+    if arguments in ([], ["plot"]):  # who names no command is shown them all
+        with contextlib.redirect_stdout(sys.stderr):
+            _run([*arguments, "--help"])
+        return MISUSE
     try:
         command = _parse(arguments)
         if isinstance(command, (Fk, Urdf)):  # nothing of theirs is compiled
