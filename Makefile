@@ -8,7 +8,7 @@ demo: .venv/.ready ## solve random poses with both redundancy methods and the pl
 	$(BIN)/maira-qp compare --picture output/comparison.png
 
 test: .venv/.ready ## run the tests, and those of the kernels again as plain Python, where an index out of bounds is an error
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist loadgroup
 	OMP_NUM_THREADS=1 NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n auto tests/test_kernels_*.py
 
 lint: .venv/.ready ## style, types, and the import contract

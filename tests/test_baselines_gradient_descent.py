@@ -77,11 +77,11 @@ def test_points_near_the_start_are_reached(table):
 
 
 def test_most_random_poses_of_maira_are_reached():
-    """From random starts, at least half of 12 random reachable poses converge, and those are at their targets."""
+    """From random starts, at least half of 8 random reachable poses converge, and those are at their targets."""
     table = maira()
     rng = np.random.default_rng(15)
     solved = 0
-    for q_true, q0 in zip(draw(table, rng, 12), draw(table, rng, 12), strict=True):
+    for q_true, q0 in zip(draw(table, rng, 8), draw(table, rng, 8), strict=True):
         target = table.forward(q_true)
         result = baselines.gradient_descent_pose(table, target, q0)
         if result.converged:
@@ -89,7 +89,7 @@ def test_most_random_poses_of_maira_are_reached():
             T = table.forward(result.q)
             assert np.linalg.norm(T[:3, 3] - target[:3, 3]) < 1e-3
             assert Rotation.from_matrix(T[:3, :3].T @ target[:3, :3]).magnitude() < 1e-3
-    assert solved >= 6
+    assert solved >= 4
 
 
 def test_the_cap_holds():

@@ -40,10 +40,10 @@ def inside(robot: mq.Robot, q: np.ndarray) -> bool:
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_every_reachable_target_is_reached_by_every_backend(maira, backend):
-    """1,000 random reachable targets from random starts, default options, judged by the DH chain."""
+    """Random reachable targets from random starts, default options, judged by the DH chain: 1,000 by the default."""
     solver = mq.Solver(maira, backend=backend)
     rng = np.random.default_rng(1)
-    for k in range(1000):
+    for k in range(1000 if backend == "daqp" else 150):
         target = maira.forward(maira.random_configuration(rng))
         s = solver.solve(target, q0=maira.random_configuration(rng), rng=k)
         assert s.success, (k, s.status)

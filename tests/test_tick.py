@@ -79,7 +79,7 @@ def test_a_tick_of_any_length_is_finite(maira, rng):
 @pytest.mark.parametrize("redundancy", REDUNDANCIES, ids=["none", "strict", "weighted", "manipulability"])
 @pytest.mark.parametrize("arm", ["maira", "ur5"])
 def test_the_arm_comes_to_rest_whether_the_target_can_be_reached_or_not(arm, redundancy, rng):
-    """Within reach, a little and far out of it, half a turn away: after 400 ticks the joints stand still."""
+    """Within reach, a little and far out of it, half a turn away: after 20 s the joints stand still."""
     robot = mq.Robot.maira() if arm == "maira" else load(arm)
     solver = mq.Solver(robot, redundancy=redundancy)
     start = robot.clip(robot.middle + 0.3)

@@ -19,7 +19,10 @@ from maira_qp.robots.urdf_writer import urdf_text
 pytest.importorskip("viser", reason="the viewer needs viser")
 sync_api = pytest.importorskip("playwright.sync_api", reason="the browser is driven by playwright")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed (Debian: apt-get install chromium)")
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed (Debian: apt-get install chromium)"),
+    pytest.mark.xdist_group("browser"),  # one browser, in one process
+]
 
 FLAGS = [
     "--no-sandbox",
