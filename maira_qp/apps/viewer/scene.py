@@ -25,7 +25,8 @@ GHOST: Colour = (76, 110, 245)
 GIZMO = 0.15
 """Size of the gizmo on the target, in lengths of the arm."""
 CLEAR = 1.01
-"""A body that is red is so much larger: the surface of a neighbour in the same place would flicker through."""
+"""A body that is red is so much larger, a ghost so much smaller: of surfaces in the same place each would flicker
+through the other."""
 VISIBLE_ERROR = 1e-3
 """From this position error on [m] a line leads from the tool to the target."""
 MOST_SEGMENTS = 500
@@ -85,6 +86,7 @@ class GhostDrawing:
                     body.surface.faces,
                     np.array([quaternion_from_matrix(T.rotation) for T in poses]),
                     np.array([T.translation for T in poses]),
+                    batched_scales=np.full(len(poses), 1 / CLEAR),
                     batched_colors=GHOST,
                     opacity=0.12,
                     cast_shadow=False,
