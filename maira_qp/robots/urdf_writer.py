@@ -129,7 +129,7 @@ def _base_body(element: Element, radius: float) -> None:
 
 
 def _tool_body(element: Element, radius: float) -> None:
-    _rod(element, "visual", "tool", "z", -0.5 * radius, 0.0, 0.7 * radius)
+    _rod(element, "visual", "tool", "z", -0.5 * radius, 0.02 * radius, 1.05 * radius)  # around the end of the last rod
 
 
 def _link_body(element: Element, table: DHTable, i: int, radius: float) -> None:
