@@ -7,6 +7,7 @@ import math
 from maira_qp.kernels.compilation import bare_kernel
 from maira_qp.kernels.descent import ORIENTATION_WEIGHT, POSITION_WEIGHT, quadratic_model
 from maira_qp.kernels.lanes import load, load2, store, store2
+from maira_qp.kernels.rotation_vector import flattening
 
 
 @bare_kernel
@@ -58,12 +59,7 @@ def subtract_flattening(settings, J, e, H):
     The compiled form of the last term of `maira_qp.problem.tasks.frame.FrameTask.hessian`, `k (w x phi) . (w x phi)`.
     """
     x, y, z = e[3], e[4], e[5]
-    angle = math.sqrt(x * x + y * y + z * z)
-    if angle < 1e-2:
-        k = 1.0 / 12.0 + angle * angle / 720.0
-    else:
-        k = (1.0 - 0.5 * angle / math.tan(0.5 * angle)) / (angle * angle)
-    k *= settings[ORIENTATION_WEIGHT] ** 2
+    k = flattening(math.sqrt(x * x + y * y + z * z)) * settings[ORIENTATION_WEIGHT] ** 2
     for j in range(len(J)):
         w0, w1, w2 = J[j, 3], J[j, 4], J[j, 5]
         a, b, c = k * (y * w2 - z * w1), k * (z * w0 - x * w2), k * (x * w1 - y * w0)

@@ -7,16 +7,12 @@ import math
 from maira_qp.kernels.bounds import bounds_of_position, bounds_of_tick, rest_of, share_to_stop
 from maira_qp.kernels.chain import LOWER, UPPER
 from maira_qp.kernels.compilation import bare_kernel, inner_kernel
-from maira_qp.kernels.descent import ORIENTATION_WEIGHT, POSITION_WEIGHT, squares
+from maira_qp.kernels.descent import squares
 from maira_qp.kernels.hierarchy import solve_each_level
 from maira_qp.kernels.levels import (
     DAMPED,
-    LEVEL,
-    OWN,
-    SOURCE,
-    TARGET,
     add_curvature_above,
-    bend_along_rows,
+    finish_hessian,
     level_costs,
     level_damping,
     level_model,
@@ -25,6 +21,7 @@ from maira_qp.kernels.multipliers import find_multipliers
 from maira_qp.kernels.positive_part import make_positive
 from maira_qp.kernels.rigid import FINE, pose_row
 from maira_qp.kernels.search import FARTHEST_START
+from maira_qp.kernels.task_rows import OWN, SOURCE, TARGET
 from maira_qp.kernels.tick_memory import make_work
 from maira_qp.kernels.tree import VELOCITY
 
@@ -32,6 +29,8 @@ BAD_CONFIGURATION, TOO_FAR = -1, -2
 
 # the entries of `numbers`
 DAMPING, LEAST_DAMPING, SMALL_ERROR, HALVINGS, WITHIN, FARTHEST, FEASIBILITY, IS_SLOW = 0, 1, 2, 3, 4, 5, 6, 7
+FIRST, ROWS = 8, 9
+"""How many tasks are of the first priority, and how many rows all tasks have"""
 
 
 @bare_kernel
@@ -43,7 +42,7 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
     then nothing is done. See `levels` and `tree` for the problem; memory and index are as long as `memory_sizes` says.
     """
     n = len(q)
-    work = make_work(n, len(tasks), len(objectives), memory, index)
+    work = make_work(n, len(tasks), int(numbers[ROWS]), len(objectives), memory, index)
     for i in range(n):
         if not (abs(q[i]) <= FARTHEST_START and abs(velocity[i]) < math.inf):
             return BAD_CONFIGURATION
@@ -63,7 +62,7 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
             above = work.rows[: work.ends[level - 1]]
             find_multipliers(above, work.g, held, F, tau, order, joints, work.x, work.M, A, V, work.multipliers)
             add_curvature_above(tasks, places, level, work)
-        bend_along_rows(objectives, level, work)
+        finish_hessian(objectives, level, work)
         if level == 0:
             make_positive(H, n, A, V)
         mu = level_damping(H, squared, asked, numbers[DAMPING], numbers[LEAST_DAMPING])
@@ -89,7 +88,7 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
         ahead[i] = min(max(q[i] + move, low), high) if low <= q[i] <= high else q[i] + move
         out[n + i] = min(max(move / dt, -reach), reach)
     level_costs(tree, parents, tasks, places, objectives, work, ahead, work.values)
-    _report(tasks, places, work.e, out[2 * n :])
+    _report(work.e[: int(numbers[FIRST])], out[2 * n :])
     return FINE
 
 
@@ -147,13 +146,9 @@ def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q
 
 
 @bare_kernel
-def _report(tasks, places, e, left):
-    """The largest errors of position [m] and orientation [rad] of the first level into left (2,)."""
+def _report(e, left):
+    """The largest errors of position [m] and orientation [rad] among e (T, 6) into left (2,)."""
     left[0], left[1] = 0.0, 0.0
-    for t in range(len(tasks)):
-        if places[t, LEVEL] == 0:
-            position, orientation = squares(e[t])
-            if tasks[t, POSITION_WEIGHT] > 0.0:
-                left[0] = max(left[0], math.sqrt(position))
-            if tasks[t, ORIENTATION_WEIGHT] > 0.0:
-                left[1] = max(left[1], math.sqrt(orientation))
+    for error in e:
+        position, orientation = squares(error)
+        left[0], left[1] = max(left[0], math.sqrt(position)), max(left[1], math.sqrt(orientation))

@@ -9,8 +9,9 @@ from maira_qp.kernels.compilation import bare_kernel, inner_kernel
 TickWork = namedtuple(
     "TickWork",
     (
-        *("poses", "tools", "targets"),  # (12,) each: of joints, and of tasks
-        *("e", "weighted", "J"),  # by task: the error (6,) and the Jacobian; six numbers
+        *("poses", "tools", "targets"),  # (12,) each: of joints, of up to three frames a task, and of tasks
+        *("e", "pull", "off", "levers", "J"),  # six numbers each: by task; others; (3, 6, 6); by task the Jacobian
+        *("inverse", "S"),  # (3, 3) of a rotation vector
         *("H", "C", "A", "V", "Z", "M"),  # (n, n) each: by level, and others
         *("c", "displacements", "rows", "row_memory"),  # lines of n: by level, by level, by row of a task, of a QP
         *("lower", "upper", "low", "high", "dq", "step", "part", "trial", "g", "y", "z", "b"),  # (n,)
@@ -25,37 +26,41 @@ TickWork = namedtuple(
 
 
 @bare_kernel
-def memory_sizes(n, tasks, levels):
-    """How many numbers, and how many of int64, the work of a tick needs."""
-    rows, most = 6 * tasks, max(6 * tasks, n)
+def memory_sizes(n, tasks, rows, levels):
+    """How many numbers, and how many of int64, the work of a tick needs; `rows` of all tasks together."""
+    most = max(rows, n)
     lines = 2 * levels + rows + 4 * n + 4 + 12
-    floats = 12 * (n + 2 * tasks) + 6 * (tasks + 1 + tasks * n) + (levels + 5) * n * n + lines * n
+    floats = 12 * (n + 4 * tasks) + 6 * (tasks + 20 + tasks * n) + 18 + (levels + 5) * n * n + lines * n
     floats += (most + 3) * (most + n) + 4 * levels
     return floats, (tasks + 8) * n + most + n + tasks + levels
 
 
 @inner_kernel
-def make_work(n, tasks, levels, memory, index):
+def make_work(n, tasks, rows, levels, memory, index):
     """The work for n joints in the memory, both as long as `memory_sizes` says."""
-    rows, most = 6 * tasks, max(6 * tasks, n)
+    most = max(rows, n)
     wide, line_count = most + n, 2 * levels + rows + 4 * n + 4 + 12
-    a = 12 * (n + 2 * tasks)
-    b = a + 6 * (tasks + 1)
-    c = b + 6 * tasks * n
+    a = 12 * (n + 4 * tasks)
+    b = a + 6 * (tasks + 20)
+    c = b + 6 * tasks * n + 18
     d = c + (levels + 5) * n * n
     e = d + line_count * n
     f = e + (most + 3) * wide
-    poses, sixes = memory[:a].reshape(-1, 12), memory[a:b].reshape(-1, 6)
+    poses, sixes, nines = memory[:a].reshape(-1, 12), memory[a:b].reshape(-1, 6), memory[c - 18 : c].reshape(2, 3, 3)
     squares, lines = memory[c:d].reshape(-1, n, n), memory[d:e].reshape(-1, n)
     wides, by_level, whole = memory[e:f].reshape(-1, wide), memory[f:], index[: (tasks + 8) * n].reshape(-1, n)
     rest, single = index[(tasks + 8) * n :], lines[2 * levels + rows + 4 * n + 4 :]
     return TickWork(
         poses[:n],
-        poses[n : n + tasks],
-        poses[n + tasks :],
+        poses[n : n + 3 * tasks].reshape(tasks, 3, 12),
+        poses[n + 3 * tasks :],
         sixes[:tasks],
         sixes[tasks],
-        memory[b:c].reshape(tasks, n, 6),
+        sixes[tasks + 1],
+        sixes[tasks + 2 :].reshape(3, 6, 6),
+        memory[b : c - 18].reshape(tasks, n, 6),
+        nines[0],
+        nines[1],
         squares[:levels],
         squares[levels],
         squares[levels + 1],

@@ -1,58 +1,45 @@
 """The compiled control tick: which problems it takes, and the arrays that it needs of them.
 
-It takes tasks of frames whose axes count the same, at any levels of a robot without mimic joints, and objectives that
-are a posture: below the tasks, alone in their level, or weighted beside the tasks of the only one. The rest is for the
-general engine, `tick.py`, to which this is the same to rounding. Limits beside those of the joints it does not know:
-its answer counts where they do not bind.
+It takes all tasks that are given as errors of frames or joints, equalities too, at any levels of a robot without mimic
+joints, and objectives that are a posture: below the tasks, alone in their level, or weighted beside the tasks of the
+only one. The rest, such as limits as wishes, other objectives and classes of one's own, is for the general engine,
+`tick.py`, to which this is the same to rounding. Limits beside those of the joints it does not know: its answer counts
+where they do not bind.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from maira_qp.arrays import is_native
-from maira_qp.kernels.levels import (
-    DAMPED,
-    GAIN,
-    JOINT,
-    LEVEL,
-    OBJECTIVE_GAIN,
-    OWN,
-    PLACEMENT,
-    REFERENCE,
-    SOURCE,
-    TARGET,
-    TASK,
-    TASK_DAMPING,
-    WEIGHT,
-)
+from maira_qp.kernels.levels import DAMPED, OBJECTIVE_GAIN, REFERENCE, WEIGHT
 from maira_qp.kernels.rigid import FINE
 from maira_qp.kernels.tick import tick
 from maira_qp.kernels.tick_memory import memory_sizes
 from maira_qp.orientation import ORTHONORMAL_WITHIN
-from maira_qp.problem.costs import LevelObjective
+from maira_qp.problem.costs import LevelObjective, TaskCost
 from maira_qp.problem.limits import FEASIBILITY
 from maira_qp.problem.objectives import LimitDistance, Objective, Posture
 from maira_qp.problem.redundancy import Strict, Weighted
-from maira_qp.problem.tasks.frame import FrameTask
+from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.kinematic_tree import KinematicTree
 from maira_qp.robots.robot import Robot
 from maira_qp.solvers.descent import LEAST_DAMPING
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.priorities import FARTHEST, Priorities
-from maira_qp.solvers.targets import row_of
-from maira_qp.solvers.tick import HALVINGS, SMALL_ERROR
+from maira_qp.solvers.task_arrays import known, task_arrays
+from maira_qp.solvers.tick import HALVINGS, SMALL_ERROR, split_equalities
 
 
 @dataclass(frozen=True)
 class CompiledTick:
-    """The arrays of one problem, see `maira_qp.kernels`: `tree`, `levels`, `tick`."""
+    """The arrays of one problem, see `maira_qp.kernels`: `tree`, `task_rows`, `levels`, `tick`."""
 
     n: int
     frames: tuple[str, ...]
@@ -64,13 +51,13 @@ class CompiledTick:
     parents: np.ndarray
     """(n,)"""
     tasks: np.ndarray
-    """(T, 28)"""
+    """(T, 60 + n)"""
     places: np.ndarray
-    """(T, 3)"""
+    """(T, 7)"""
     objectives: np.ndarray
     """(L, 3 + 2 n)"""
     numbers: np.ndarray
-    """(8,)"""
+    """(10,)"""
     still: np.ndarray
     """(n,) no velocity"""
     sizes: tuple[int, int]
@@ -83,15 +70,16 @@ class CompiledTick:
         if robot.kinematics.has_mimic or levels is None:
             return None
         tree = KinematicTree.of(robot)
-        rows = [_task_row(tree, priorities.frames, task, k) for k, level in enumerate(levels) for task in level.tasks]
+        each = [task_arrays(tree, priorities.frames, task, k) for k, level in enumerate(levels) for task in level.tasks]
+        rows = sum(count for _, _, count in each)
         return CompiledTick(
             n=robot.n,
             frames=priorities.frames,
             needs_velocity=bool(np.isfinite(robot.acceleration_limit).any()),
             tree=tree.joints,
             parents=tree.parents,
-            tasks=np.array([row for row, _ in rows]),
-            places=np.array([place for _, place in rows], np.int64),
+            tasks=np.array([row for row, _, _ in each]),
+            places=np.array([place for _, place, _ in each], np.int64),
             objectives=np.array([_objective_row(robot, level) for level in levels]),
             numbers=np.array(
                 [
@@ -103,10 +91,12 @@ class CompiledTick:
                     FARTHEST * robot.length,
                     FEASIBILITY,
                     np.isfinite(robot.acceleration_limit).any(),
+                    len(priorities.first),
+                    rows,
                 ]
             ),
             still=np.zeros(robot.n),
-            sizes=memory_sizes(robot.n, len(rows), len(levels)),
+            sizes=memory_sizes(robot.n, len(each), rows, len(levels)),
         )
 
     def tick(self, target: Any, q: Any, dt: float, velocity: Any) -> tuple[np.ndarray, np.ndarray, float, float] | None:
@@ -163,9 +153,9 @@ def _matrix(target: Any) -> np.ndarray | None:
 
 @dataclass(frozen=True)
 class _Level:
-    """A level that the kernel takes: tasks of frames, or an objective that is a posture, or, in the first, both."""
+    """A level that the kernel takes: tasks, or an objective that is a posture, or, in the first, both."""
 
-    tasks: tuple[FrameTask, ...] = ()
+    tasks: tuple[Task, ...] = ()
     posture: Posture | None = None
     weight: float = 1.0
     gain: float = 1.0
@@ -173,29 +163,24 @@ class _Level:
 
 
 def _levels(priorities: Priorities) -> list[_Level] | None:
-    """The levels in falling priority; None if there is one that the kernel does not know."""
+    """The levels in falling priority, as in `tick.py`; None if there is one that the kernel does not know."""
     redundancy = priorities.redundancy
-    first: list[_Level | None] = [_of_tasks(priorities.first)]
-    if isinstance(redundancy, Weighted):
-        posture, tasks = _posture(redundancy.objective), first[0]
-        first = [None if posture is None or tasks is None else _Level(tasks.tasks, posture, redundancy.weight)]
-    below = [_below(level) for level in priorities.below]
-    objectives = redundancy.objectives if isinstance(redundancy, Strict) else ()
-    strict = [_posture(objective) for objective in objectives]
-    last = [None if posture is None else _Level(posture=posture, damped=False) for posture in strict]
-    levels = [level for level in (*first, *below, *last) if level is not None]
-    return levels if len(levels) == len(first) + len(below) + len(last) else None
+    weighted = (ObjectiveTask(redundancy.objective, redundancy.weight),) if isinstance(redundancy, Weighted) else ()
+    strict = redundancy.objectives if isinstance(redundancy, Strict) else ()
+    cost, soft = split_equalities(TaskCost(priorities.first), weighted)
+    levels = [_level(level) for level in (LevelObjective(cost), *soft, *priorities.below)]
+    if weighted and not soft and levels[0] is not None:
+        posture = _posture(weighted[0].objective)
+        levels[0] = None if posture is None else replace(levels[0], posture=posture, weight=weighted[0].weight)
+    levels += [None if posture is None else _Level(posture=posture, damped=False) for posture in map(_posture, strict)]
+    taken = [level for level in levels if level is not None]
+    return taken if len(taken) == len(levels) else None
 
 
-def _of_tasks(tasks: Sequence[Task]) -> _Level | None:
-    known = tuple(task for task in tasks if isinstance(task, FrameTask) and task.is_even and not task.equality)
-    return _Level(known) if len(known) == len(tasks) else None
-
-
-def _below(level: LevelObjective) -> _Level | None:
-    """A level below the first: tasks alone, or an objective alone."""
+def _level(level: LevelObjective) -> _Level | None:
+    """A level of tasks alone, or of an objective alone."""
     if not level.objectives:
-        return _of_tasks(level.tasks.tasks)
+        return _Level(level.tasks.tasks) if known(level.tasks.tasks) else None
     each, posture = level.objectives[0], _posture(level.objectives[0].objective)
     if len(level.objectives) > 1 or level.tasks.tasks or posture is None:
         return None
@@ -207,23 +192,6 @@ def _posture(objective: Objective) -> Posture | None:
     if isinstance(objective, LimitDistance):
         return objective.as_posture
     return objective if isinstance(objective, Posture) else None
-
-
-def _task_row(
-    tree: KinematicTree, frames: tuple[str, ...], task: FrameTask, level: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """A task's row (28,) and its place (3,), see `kernels.levels`."""
-    row, place = np.zeros(TASK), np.empty(3, np.int64)
-    joint, placement = tree.frame(task.frame)
-    row[[0, 1]] = task.all_weights[[0, 5]]
-    row[GAIN], row[TASK_DAMPING] = task.gain, task.damping
-    row[PLACEMENT : PLACEMENT + 12] = placement
-    place[JOINT], place[LEVEL], place[SOURCE] = joint, level, OWN
-    if task.target_frame is None:
-        row[TARGET : TARGET + 12] = row_of(task.target)
-    else:
-        place[SOURCE] = frames.index(task.target_frame)
-    return row, place
 
 
 def _objective_row(robot: Robot, level: _Level) -> np.ndarray:

@@ -55,17 +55,22 @@ class JointCouplingTask(Task):
         return replace(self, _row=row)
 
     @property
+    def row(self) -> np.ndarray:
+        """The coefficients (1, n) in the order of the robot's joints."""
+        return self._row
+
+    @property
     def weights(self) -> float:
         """That of the row."""
         return float(self.weight)
 
     def error(self, at: Configuration) -> np.ndarray:
         """What is missing of the value (1,)."""
-        return self.value - self._row @ at.q
+        return self.value - self.row @ at.q
 
     def jacobian(self, at: Configuration) -> np.ndarray:
         """The coefficients (1, n)."""
-        return self._row
+        return self.row
 
 
 @dataclass(frozen=True, kw_only=True)
