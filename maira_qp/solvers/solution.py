@@ -322,6 +322,8 @@ class Step:
     """|p_d - p| [m] after the tick"""
     orientation_error: float
     """Angle between the orientations [rad] after the tick"""
+    backend: str
+    """Which engine made it: "compiled", or the name of the QP backend in the general engine"""
     _setting: Setting | None = field(repr=False)
 
     @cached_property

@@ -347,7 +347,7 @@ class Solver:
         cost, wish = self._priorities.costs(targets)
         q_next, speed = tick(cost, wish, self.robot.at(q), self._setting, Tick(float(dt), now), deadline)
         position, orientation = residual(cost, self.robot.at(q_next))
-        return Step(speed, q_next, position, orientation, self._setting)
+        return Step(speed, q_next, position, orientation, self._setting.backend.name, self._setting)
 
     def _compiled_step(self, q: Any, target: Any, dt: float, velocity: Any) -> Step | None:
         """A tick by the kernel; None if it does not take this, or other limits than those of the joints bind."""
@@ -355,7 +355,7 @@ class Solver:
         if done is None or not keeps_further_limits(self._setting, q, done[0], dt, velocity):
             return None
         ahead, speed, position, orientation = done
-        return Step(speed, ahead, position, orientation, self._setting)
+        return Step(speed, ahead, position, orientation, "compiled", self._setting)
 
     def _start(self, q0: Any) -> np.ndarray | None:
         return None if q0 is None else real_array(q0, (self.robot.n,), "q0", ConfigurationError)
