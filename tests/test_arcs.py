@@ -1,5 +1,7 @@
 """The limits of S-R-S arms as sets of the swivel angle, against sampling, Pinocchio and the numerical solver."""
 
+from itertools import product
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -7,7 +9,7 @@ from test_srs import iiwa14_without_offset, random_arm, swivel_of, worst_error
 
 import maira_qp as mq
 from maira_qp.robots.arcs import Arc, arcs
-from maira_qp.robots.srs import BRANCHES, SRS, wrapped
+from maira_qp.robots.srs import BRANCHES, SRS, rotations, wrapped
 
 PI = np.pi
 LIMITS = {
@@ -55,25 +57,104 @@ def through(found: list[Arc], psi: float) -> np.ndarray:
     return np.array([arc.at(p) for arc, p in turned if arc.lower - 1e-6 <= p <= arc.upper + 1e-6]).reshape(-1, 7)
 
 
+def configurations_at(robot: mq.Robot, srs: SRS, T: np.ndarray, psi: float) -> np.ndarray:
+    """All configurations (k, 7) within the limits at one swivel angle: every branch with every choice of turns."""
+    found = []
+    for q in srs.configurations(T, psi):
+        turned = q + 2 * PI * np.arange(-3, 4)[:, None]
+        within = (robot.lower - 1e-9 <= turned) & (turned <= robot.upper + 1e-9)
+        choices = [each[fits] for each, fits in zip(turned.T, within.T, strict=True)]
+        found += list(product(*choices))
+    return np.reshape(found, (-1, 7))
+
+
+def disagreements(robot: mq.Robot, T: np.ndarray, found: list[Arc], psi: np.ndarray) -> tuple[int, int]:
+    """At how many of psi (N,) on the eight branches the arcs hold another number of configurations than there are.
+
+    And how many there are.
+    """
+    srs, wrong, inside = SRS.of(robot), 0, 0
+    for elbow in srs.elbow_branches(T):
+        for k, q in enumerate(srs.evaluate(elbow, psi).swapaxes(0, 1)):
+            branch = [b for b in BRANCHES if b.elbow == elbow.sign][k]
+            count, away = on_arcs([arc for arc in found if arc.branch == branch], psi)
+            truth = equivalents(robot, q)
+            wrong += int(((count != truth) & (away > 1e-9)).sum())
+            inside += int((truth > 0).sum())
+    return wrong, inside
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_arcs_hold_what_is_within_the_limits_and_nothing_else(arms, rng, name):
     """So many arcs hold a swivel angle as there are configurations at it: 40,000 samples on each of seven arms."""
     robot = arms[name]
-    srs = SRS.of(robot)
-    disagreements = inside = 0
+    inside = 0
     for _ in range(10):
         T = robot.forward(robot.random_configuration(rng)).homogeneous
-        found = arcs(srs, T)
-        psi = rng.uniform(-PI, PI, 500)
-        for elbow in srs.elbow_branches(T):
-            for k, q in enumerate(srs.evaluate(elbow, psi).swapaxes(0, 1)):
-                branch = [b for b in BRANCHES if b.elbow == elbow.sign][k]
-                count, away = on_arcs([arc for arc in found if arc.branch == branch], psi)
-                truth = equivalents(robot, q)
-                disagreements += int(((count != truth) & (away > 1e-9)).sum())
-                inside += int((truth > 0).sum())
-    assert disagreements == 0
+        wrong, seen = disagreements(robot, T, arcs(SRS.of(robot), T), rng.uniform(-PI, PI, 500))
+        assert wrong == 0
+        inside += seen
     assert 100 < inside < 40_000 * 0.99
+
+
+SYMMETRIC = {
+    "down": mq.pose([0.4, 0.2, 0.9], quaternion=[0, 1, 0, 0]),
+    "down, in the arm's plane": mq.pose([0.5, 0.0, 0.9], quaternion=[0, 1, 0, 0]),
+    "down, behind": mq.pose([-0.5, 0.0, 0.9], quaternion=[0, 1, 0, 0]),
+    "forward": mq.pose([0.6, 0.0, 0.8], rpy=[0, PI / 2, 0]),
+    "up": mq.pose([0.3, 0.3, 1.0]),
+    "sideways": mq.pose([0.0, 0.5, 0.7], rpy=[PI / 2, 0, 0]),
+}
+"""Poses at which several joints of an arm with axes at right angles are at 0 or 180 degrees at once."""
+
+
+@pytest.mark.parametrize("name", SYMMETRIC)
+def test_symmetric_poses_of_an_arm_whose_joints_end_at_a_turn(arms, rng, name):
+    """The arcs hold what dense samples of the swivel find; next to the symmetry, and in it, no configuration is lost.
+
+    An arc is of some length, or it is alone: then no other holds its configuration.
+    """
+    robot = arms["maira"]
+    srs, T = SRS.of(robot), SYMMETRIC[name].homogeneous
+    found = arcs(srs, T)
+    away = rng.choice([-1, 1], 2_000) * 10 ** rng.uniform(-8, -1, 2_000)
+    near = rng.choice([-PI, -PI / 2, 0, PI / 2], 2_000) + away
+    assert disagreements(robot, T, found, np.concatenate([np.linspace(-PI, PI, 5_000), near]))[0] == 0
+    ends = {float(wrapped(end)) for arc in found for end in (arc.lower, arc.upper)}
+    for psi in {-PI, -PI / 2, 0.0, PI / 2, *ends}:
+        there = through(found, psi)
+        for q in configurations_at(robot, srs, T, psi):
+            assert np.abs(there - q).max(axis=1).min() < 1e-5
+    for arc in found:
+        q = arc.at(arc.lower + np.array([0.0, 0.3, 1.0]) * arc.length)
+        assert worst_error(robot, q, T) < 1e-12
+        assert ((robot.lower <= q) & (q <= robot.upper)).all()
+        assert arc.length == 0 or arc.length > 1e-6
+        if arc.length == 0:
+            others = through([other for other in found if other is not arc], arc.lower)
+            assert np.abs(others - q[0]).max(axis=1).min() > 1e-3
+
+
+def test_a_joint_that_touches_its_seam_is_there_on_both_sides(arms, rng):
+    """A first joint that comes to 180 degrees and turns back: there -180 degrees is an isolated solution."""
+    robot, hits = arms["maira"], 0
+    srs = SRS.of(robot)
+    for _ in range(12):
+        T = robot.forward(robot.random_configuration(rng)).homogeneous
+        elbow, fine = srs.elbow_branches(T)[0], np.linspace(-PI, PI, 20_001)
+        first = np.unwrap(srs.evaluate(elbow, fine)[:, 0, 0])
+        if np.ptp(first) > 5:
+            continue
+        about = pin.SE3(rotations(np.array([0.0, 0.0, 1.0]), PI - first.max()), np.zeros(3)).homogeneous
+        turned = about @ T  # now the greatest value is 180 degrees, to the samples' resolution
+        found = arcs(srs, turned)
+        below = [arc for arc in found if arc.branch == BRANCHES[0] and arc.at(0.5 * (arc.lower + arc.upper))[0] < -3.1]
+        inside = np.abs(srs.evaluate(elbow, fine[[first.argmax()]])[0, 0, 1:]) < robot.upper[1:]
+        if inside.all():
+            hits += 1
+            assert below
+            assert all(arc.length < 1e-2 for arc in below)
+    assert hits >= 3
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -21,7 +21,7 @@ import maira_qp as mq
 from maira_qp.kernels.blocked import ARCS, CRITICAL, LOWER, UPPER, Work, block
 from maira_qp.kernels.spherical import FIRST, LAST, MIDDLE, angle, discriminant
 from maira_qp.kernels.swivel import SHOULDER, approach, bend, branch_at, swing, values_at
-from maira_qp.robots.arcs import _from_lower, _is_inside, arcs
+from maira_qp.robots.arcs import _from_seam, _is_inside, arcs
 from maira_qp.robots.srs import ElbowBranch, wrapped
 
 
@@ -88,7 +88,7 @@ def test_what_is_blocked_without_a_margin_is_what_is_outside(rng, name):
             psi = rng.uniform(-np.pi, np.pi, 50)
             q = arm.srs.evaluate(elbow, psi)
             q[..., 3] = arm.robot.lower[3] if np.isfinite(arm.robot.lower[3]) else 0.0
-            inside = _is_inside(arm.srs, _from_lower(arm.srs, q))
+            inside = _is_inside(arm.srs, _from_seam(arm.srs, q))
             for k in range(4):
                 lists = [
                     work.arcs[part, branch, : work.lengths[part, branch]] for part, branch in ((0, k // 2), (1, k % 2))

@@ -11,13 +11,16 @@ only where
 each of the form alpha cos psi + beta sin psi + gamma = 0 with at most two roots. The roots for both limits of each
 joint, and those where the two branches of a spherical joint meet (a . R c at its ends k_0 +- rho), cut the circle into
 cells in which no joint enters or leaves its limits; one look inside tells a cell. So that a tangency is not lost to
-rounding, an equation without roots gives the point where it comes nearest: a cut too many is harmless. A cut between
-two cells that are outside may itself be inside: an isolated solution, an arc of length zero (what a locked joint
-leaves).
+rounding, an equation without roots gives the point where it comes nearest: a cut too many is harmless.
 
-Angles are known up to whole turns. A joint whose range is a turn or more is looked at from its lower limit on; where it
-passes that limit an arc ends, and on the other side begins one that has the joint a turn further. Every whole turn that
-fits between the limits makes a further arc. A continuous joint is given in (-pi, pi].
+Angles are known up to whole turns. A joint whose range is a turn or more is looked at from its lower limit on, its
+*seam*; where it passes the seam an arc ends, and on the other side begins one that has the joint a turn further. Every
+whole turn that fits between the limits makes a further arc. A continuous joint is given in (-pi, pi].
+
+Both limits of a range of exactly a turn cut at one place, and where a joint no more than touches its seam there may be
+two cuts of one point: cuts between which a joint does not leave its seam are made one. A configuration within the
+limits at a cut that is on no arc of the cells beside it is an isolated solution, an arc of length zero: what a locked
+joint leaves, and where a joint touches its seam from below the same a turn less.
 
 Source: Shimizu et al., "Analytical inverse kinematic computation for 7-DOF redundant manipulators with joint limits",
 2008, section IV, where the limits of such arms are intervals of psi, for axes at right angles.
@@ -25,8 +28,9 @@ Source: Shimizu et al., "Analytical inverse kinematic computation for 7-DOF redu
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -50,7 +54,9 @@ WITHIN = 1e-12
 """A joint beyond a limit by at most this [rad] is at the limit: it is clipped."""
 _TURN = 2 * np.pi
 _NEAR = 1e-9
-"""A joint nearer [rad] to the start of its range is there, a spherical joint nearer to its singularity is singular."""
+"""A joint nearer [rad] to its seam is there, a spherical joint nearer to its singularity is singular."""
+_NARROW, _ROUNDING = 1e-3, 1e-14
+"""A joint that stays on its seam over a wider cell [rad] is there everywhere; closer cuts [rad] are the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +70,10 @@ class Arc:
     """[rad], from `lower` to `lower` + 2 pi: beyond pi where the arc passes pi"""
     turns: tuple[int, ...]
     """Whole turns (7,) of the joints, counted from the first that is within the limits"""
-    _ends: np.ndarray
-    """Joint angles (2, 7) [rad] at the ends, without `turns`"""
+    _knots: np.ndarray
+    """The ends and the cuts between them (k,) [rad]"""
+    _angles: np.ndarray
+    """Joint angles (k, 7) [rad] at the knots, without `turns`"""
     _elbow: ElbowBranch
     _srs: SRS
 
@@ -88,14 +96,13 @@ class Arc:
 
         Continuous in psi, but where a continuous joint passes pi.
         """
-        robot = self.robot
-        psi = np.clip(np.asarray(psi, dtype=float), self.lower, self.upper)
-        turns = _TURN * np.array(self.turns)
-        q = _from_lower(self._srs, self._srs.evaluate(self._elbow, psi.ravel())[:, BRANCHES.index(self.branch) % 4])
-        within = np.clip(self._at_its_end(psi.ravel(), q) + turns, robot.lower, robot.upper)
-        for k in np.flatnonzero((within != q + turns).any(axis=1)):
-            within[k] = self._polished(within[k])
-        return within.reshape(*psi.shape, 7)
+        psi = np.asarray(psi, dtype=float)
+        return at_each([self], np.zeros(psi.size, int), psi.ravel()).reshape(*psi.shape, 7)
+
+    def _on_seam(self, psi: float, q: np.ndarray) -> np.ndarray:
+        """Angles (7,) with the joints that are at their seam on that side of it where the nearest knot has them."""
+        nearest, seam = self._angles[np.abs(psi - self._knots).argmin()], self.robot.lower
+        return np.where(_is_at(self._srs, seam, q) & _is_at(self._srs, seam, nearest), nearest, q)
 
     def _polished(self, q: np.ndarray) -> np.ndarray:
         """Angles (7,) at an end, where some are moved to their limits, with the rest moved so that the pose is kept."""
@@ -106,11 +113,6 @@ class Arc:
         q[free] += np.linalg.lstsq(J, pose_error(robot.forward(q), self._elbow.target), rcond=1e-6)[0]
         return np.clip(q, robot.lower, robot.upper)
 
-    def _at_its_end(self, psi: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """Angles (N, 7) with the joints that are at the start of their range taken from the nearer end of the arc."""
-        ends = self._ends[(psi > 0.5 * (self.lower + self.upper)).astype(int)]
-        return np.where(_at_start(self._srs, q) & _at_start(self._srs, ends), ends, q)
-
 
 def arcs(srs: SRS, T: np.ndarray | pin.SE3) -> list[Arc]:
     """All configurations within the limits that put the tip at T (4, 4); empty where there are none.
@@ -120,28 +122,136 @@ def arcs(srs: SRS, T: np.ndarray | pin.SE3) -> list[Arc]:
     return [arc for elbow in srs.elbow_branches(checked_pose(T)) for arc in _arcs_of_elbow(srs, elbow)]
 
 
+def at_each(found: Sequence[Arc], which: np.ndarray, psi: np.ndarray) -> np.ndarray:
+    """`Arc.at` at each psi (N,) [rad], on the arc of the number `which` (N,), of arcs for one pose: (N, 7) [rad]."""
+    if not len(psi):
+        return np.empty((0, 7))
+    srs, robot = found[0]._srs, found[0].robot
+    lower, upper = np.array([(arc.lower, arc.upper) for arc in found])[which].T
+    turns = _TURN * np.array([arc.turns for arc in found])[which]
+    places = np.array([BRANCHES.index(arc.branch) % 4 for arc in found])[which]
+    psi, q = np.clip(psi, lower, upper), np.empty((len(psi), 7))
+    for elbow in {id(arc._elbow): arc._elbow for arc in found}.values():
+        rows = np.flatnonzero(np.array([arc._elbow is elbow for arc in found])[which])
+        q[rows] = srs.evaluate(elbow, psi[rows])[np.arange(len(rows)), places[rows]]
+    q = _from_seam(srs, q)
+    within = q.copy()
+    for k in np.flatnonzero(_is_at(srs, robot.lower, q).any(axis=1)):
+        within[k] = found[which[k]]._on_seam(psi[k], q[k])
+    within = np.clip(within + turns, robot.lower, robot.upper)
+    for k in np.flatnonzero((within != q + turns).any(axis=1)):
+        within[k] = found[which[k]]._polished(within[k])
+    return within
+
+
 def _arcs_of_elbow(srs: SRS, elbow: ElbowBranch) -> Iterator[Arc]:
     """The arcs with one elbow angle."""
-    cuts = _refined(srs, elbow, _cuts(srs, elbow))
-    count = len(cuts)
-    widths = np.append(cuts[1:], cuts[0] + _TURN) - cuts
-    q = _from_lower(srs, srs.evaluate(elbow, np.concatenate([cuts, cuts + 0.5 * widths])))
-    inside = _is_inside(srs, q)
-    parted = _is_parted(srs, elbow, cuts, q[:count])
-    after, before = (_towards(srs, elbow, cuts, q[:count], step) for step in (widths, -np.roll(widths, 1)))
+    cuts = _distinct(srs, elbow, _refined(srs, elbow, _cuts(srs, elbow)))
+    widths = _widths(cuts)
+    q, middle = np.split(_from_seam(srs, srs.evaluate(elbow, np.concatenate([cuts, cuts + 0.5 * widths]))), 2)
+    after, before = (_towards(srs, elbow, cuts, q, step) for step in (widths, -np.roll(widths, 1)))
+    singular = _is_singular(srs, elbow, cuts)
     for k, branch in enumerate(b for b in BRANCHES if b.elbow == elbow.sign):
-        for first, cells in _runs(inside[count:, k], inside[:count, k], parted[:, k]):
-            last, rounds = (first + cells) % count, (first + cells) // count
-            lower, upper = float(cuts[first]), float(cuts[last] + _TURN * rounds)
-            ends = np.array([after[first, k], before[last, k] if cells else after[first, k]])
-            if cells and not inside[first, k]:
-                lower = _polished(srs, elbow, k, lower, float(widths[first]))
-            if cells and not inside[last, k]:
-                upper = _polished(srs, elbow, k, upper, -float(widths[last - 1]))
-            if cells == count and inside[first, k] and not parted[first, k]:
-                lower, upper = -np.pi, np.pi
-            inner = q[count + first, k] if cells else ends[0]
-            yield from _arcs_of_run(srs, elbow, branch, (lower, upper), ends, inner)
+        sides = before[:, k], after[:, k]
+        yield from _Cells(srs, elbow, branch, cuts, q[:, k], *sides, middle[:, k], singular).arcs()
+
+
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """One branch, cut into k cells, of which each begins at the cut of its number; k >= 1."""
+
+    srs: SRS
+    elbow: ElbowBranch
+    branch: Branch
+    cuts: np.ndarray
+    """(k,) [rad] in [-pi, pi), ascending"""
+    at_cut: np.ndarray
+    """Angles (k, 7) [rad] at the cuts, from the seam on"""
+    before: np.ndarray
+    """The same, on the side of the seam where the cell before the cut has them"""
+    after: np.ndarray
+    """The same for the cell after it"""
+    middle: np.ndarray
+    """Angles (k, 7) [rad] in the middle of the cells"""
+    singular: np.ndarray
+    """At which cuts (k,) shoulder or wrist are"""
+
+    @cached_property
+    def inside(self) -> np.ndarray:
+        """Which cells (k,) are within the limits."""
+        return _is_inside(self.srs, self.middle)
+
+    @cached_property
+    def room(self) -> np.ndarray:
+        """How many whole turns further (k, 7) the joints can be in the cells."""
+        return _room(self.srs, self.middle)
+
+    @cached_property
+    def begins(self) -> np.ndarray:
+        """At which cuts (k,) an arc begins.
+
+        None goes on where a joint passes its seam, where the turns that fit change, and at a singularity.
+        """
+        passed = np.abs(self.after - self.before) > np.pi
+        changed = self.room != np.roll(self.room, 1, axis=0)
+        return self.inside & (~np.roll(self.inside, 1) | (passed | changed).any(axis=1) | self.singular)
+
+    def arcs(self) -> Iterator[Arc]:
+        """All of the branch."""
+        count = len(self.cuts)
+        if self.inside.all() and not self.begins.any():
+            yield from self._arcs_over(0, count)
+        for i in np.flatnonzero(self.begins):
+            cells = 1
+            while self.inside[(i + cells) % count] and not self.begins[(i + cells) % count]:
+                cells += 1
+            yield from self._arcs_over(int(i), cells)
+        yield from self._isolated()
+
+    def _arcs_over(self, first: int, cells: int) -> Iterator[Arc]:
+        """The arcs over some cells, one for each choice of whole turns that fit between the limits."""
+        count, places = len(self.cuts), np.arange(first, first + cells + 1)
+        knots, angles = self.cuts[places % count] + _TURN * (places // count), self.after[places % count]
+        if self.begins[first]:
+            angles[-1] = self.before[places[-1] % count]
+            steps, outside = np.diff(knots), ~_is_inside(self.srs, angles)
+            lower = self._inside_from(knots[0], steps[0]) if outside[0] else float(knots[0])
+            upper = self._inside_from(knots[-1], -steps[-1]) if outside[-1] else float(knots[-1])
+        else:
+            knots, angles = np.concatenate([knots - _TURN, knots]), np.concatenate([angles, angles])
+            lower, upper = -np.pi, np.pi
+        shift = _TURN if lower == -np.pi and upper < np.pi else 0.0  # -pi itself is written pi
+        for turns in _choices(self.room[first]):
+            yield Arc(
+                self.branch, lower + shift, upper + shift, tuple(turns), knots + shift, angles, self.elbow, self.srs
+            )
+
+    def _isolated(self) -> Iterator[Arc]:
+        """The configurations at the cuts that are within the limits, and on no arc of the cells beside them."""
+        srs, robot = self.srs, self.srs.robot
+        at_end = _is_at(srs, robot.lower, self.at_cut) | _is_at(srs, robot.upper, self.at_cut)
+        alone = ~(self.inside | np.roll(self.inside, 1)) | at_end.any(axis=1)
+        for i in np.flatnonzero(_is_inside(srs, self.at_cut) & alone):
+            sides = ((self.before[i], i - 1), (self.after[i], i))
+            known = [angles + _TURN * _choices(self.room[cell]) for angles, cell in sides if self.inside[cell]]
+            for turns in _choices(_room(srs, self.at_cut[i])):
+                q = self.at_cut[i] + _TURN * turns
+                if all(np.abs(each - q).max(axis=1).min() > _NEAR for each in known):
+                    psi = float(self.cuts[i]) if self.cuts[i] > -np.pi else np.pi
+                    knots, angles = np.array([psi]), self.at_cut[[i]]
+                    yield Arc(self.branch, psi, psi, tuple(turns), knots, angles, self.elbow, srs)
+
+    def _inside_from(self, end: float, step: float) -> float:
+        """The end of an arc [rad] that rounding put outside, moved inwards; `step` [rad] is its cell, from there on."""
+        place = BRANCHES.index(self.branch) % 4
+        outside, within = end, end + 0.5 * step
+        for _ in range(60):
+            half = 0.5 * (outside + within)
+            if half in (outside, within):
+                break
+            q = _from_seam(self.srs, self.srs.evaluate(self.elbow, np.array([half]))[:, place])
+            outside, within = (outside, half) if _is_inside(self.srs, q)[0] else (half, within)
+        return float(within)
 
 
 def _cuts(srs: SRS, elbow: ElbowBranch) -> np.ndarray:
@@ -168,7 +278,7 @@ def _refined(srs: SRS, elbow: ElbowBranch, cuts: np.ndarray) -> np.ndarray:
     Newton's method on the joint that is next to its limit, by central differences; few cuts need it.
     """
     robot, nudge = srs.robot, 1e-7
-    q = _from_lower(srs, srs.evaluate(elbow, cuts))
+    q = _from_seam(srs, srs.evaluate(elbow, cuts))
     beyond = np.where(np.isfinite(robot.upper), q - robot.upper, -np.inf)
     beyond = np.where(beyond > np.pi, np.where(np.isfinite(robot.lower), q - robot.lower - _TURN, 0.0), beyond)
     rounding = np.where(np.isnan(beyond) | (np.abs(beyond) > 1e-7), 0.0, beyond)
@@ -202,8 +312,44 @@ def _equations(joint: SphericalJoint, circle: Circle, lower: np.ndarray, upper: 
     )
 
 
-def _from_lower(srs: SRS, q: np.ndarray) -> np.ndarray:
-    """The same angles (..., 7) within the turn that begins at the lower limit; in (-pi, pi] of a continuous joint."""
+def _widths(cuts: np.ndarray) -> np.ndarray:
+    """How wide (k,) [rad] the cells are that begin at the cuts (k,)."""
+    return np.append(cuts[1:], cuts[0] + _TURN) - cuts
+
+
+def _distinct(srs: SRS, elbow: ElbowBranch, cuts: np.ndarray) -> np.ndarray:
+    """The cuts (k,), with one in the middle for those between which some joint does not leave its seam."""
+    widths = _widths(cuts)
+    q = _from_seam(srs, srs.evaluate(elbow, np.concatenate([cuts, cuts + 0.5 * widths])))
+    start, middle = np.split(_is_at(srs, srs.robot.lower, q, WITHIN), 2)
+    stays = (start & middle & np.roll(start, -1, axis=0)).any(axis=(1, 2)) & (widths < _NARROW)
+    pinched = stays | (widths < _ROUNDING)
+    first, last = np.flatnonzero(~np.roll(pinched, 1)), np.flatnonzero(~pinched)
+    last = np.roll(last, -1) if last[0] < first[0] else last
+    half = 0.5 * np.mod(cuts[last] - cuts[first], _TURN)
+    return np.sort(-wrapped(-(cuts[first] + half)))
+
+
+def _is_singular(srs: SRS, elbow: ElbowBranch, cuts: np.ndarray) -> np.ndarray:
+    """At which cuts (k,) shoulder or wrist are singular."""
+    pairs = zip(srs.joints, (elbow.shoulder, elbow.wrist), strict=True)
+    return np.any([joint.nearness(circle.at(cuts)) < _NEAR for joint, circle in pairs], axis=0)
+
+
+def _choices(room: np.ndarray) -> np.ndarray:
+    """All turns (k, 7) of the joints from none to as many as there is room for (7,)."""
+    return np.array(list(product(*(range(int(most) + 1) for most in room))))
+
+
+def _room(srs: SRS, q: np.ndarray) -> np.ndarray:
+    """How many whole turns further than q (..., 7), within the turn from the seam on, the joints can be; NaN: none."""
+    finite = np.isfinite(srs.robot.upper)
+    beyond = np.where(finite, np.where(finite, srs.robot.upper, 0.0) - q + WITHIN, 0.0)
+    return np.floor(np.fmax(beyond, 0.0) / _TURN)
+
+
+def _from_seam(srs: SRS, q: np.ndarray) -> np.ndarray:
+    """The same angles (..., 7) within the turn that begins at the seam; in (-pi, pi] of a continuous joint."""
     lower = srs.robot.lower
     finite = np.isfinite(lower)
     start = np.where(finite, lower, 0.0) - WITHIN
@@ -212,95 +358,31 @@ def _from_lower(srs: SRS, q: np.ndarray) -> np.ndarray:
 
 
 def _is_inside(srs: SRS, q: np.ndarray) -> np.ndarray:
-    """Whether each of q (..., 7), within the turn from the lower limit on, or NaN for none, is within the limits."""
+    """Whether each of q (..., 7), within the turn from the seam on, or NaN for none, is within the limits."""
     return np.asarray((q <= srs.robot.upper + WITHIN).all(axis=-1))
 
 
-def _at_start(srs: SRS, q: np.ndarray) -> np.ndarray:
-    """Which joints (..., 7) of a range of a turn or more are at its lower limit, or a turn further."""
+def _is_at(srs: SRS, limits: np.ndarray, q: np.ndarray, within: float = _NEAR) -> np.ndarray:
+    """Which joints (..., 7) with a range of a turn or more are at one of their limits (7,) [rad], turns aside."""
     robot = srs.robot
     whole = np.isfinite(robot.lower) & (robot.upper - robot.lower >= _TURN - 2 * WITHIN)
-    return np.asarray(whole & (np.abs(wrapped(q - np.where(whole, robot.lower, 0.0))) < _NEAR))
-
-
-def _is_parted(srs: SRS, elbow: ElbowBranch, cuts: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """At which cuts (k,), with angles q (k, 4, 7), no arc goes on: (k, 4).
-
-    There a joint of a range of a turn or more passes one of its limits, or a spherical joint is singular.
-    """
-    robot = srs.robot
-    whole = np.isfinite(robot.lower) & (robot.upper - robot.lower >= _TURN - 2 * WITHIN)
-    upper = np.where(whole, robot.upper, 0.0)
-    parted = np.asarray((_at_start(srs, q) | (whole & (np.abs(wrapped(q - upper)) < _NEAR))).any(axis=-1))
-    for joint, circle in zip(srs.joints, (elbow.shoulder, elbow.wrist), strict=True):
-        parted |= (joint.nearness(circle.at(cuts)) < _NEAR)[:, None]
-    return parted
-
-
-def _runs(in_cell: np.ndarray, at_cut: np.ndarray, parted: np.ndarray) -> Iterator[tuple[int, int]]:
-    """The arcs of one branch: the cut at which one begins, and over how many cells it goes, 0 for a point.
-
-    in_cell, at_cut, parted (k,) of bool: inside the cell that begins at the cut, inside at the cut, and whether no arc
-    goes on there.
-    """
-    count, before = len(in_cell), np.roll(in_cell, 1)
-    begins = in_cell & (~before | parted)
-    if in_cell.all() and not begins.any():
-        yield 0, count
-    for i in np.flatnonzero(begins):
-        cells = 1
-        while in_cell[(i + cells) % count] and not begins[(i + cells) % count]:
-            cells += 1
-        yield int(i), cells
-    for i in np.flatnonzero(at_cut & ~in_cell & ~before):
-        yield int(i), 0
-
-
-def _arcs_of_run(
-    srs: SRS, elbow: ElbowBranch, branch: Branch, interval: tuple[float, float], ends: np.ndarray, inner: np.ndarray
-) -> Iterator[Arc]:
-    """The arcs over one interval of psi, one for each choice of whole turns that fit between the limits.
-
-    ends (2, 7), inner (7,): joint angles [rad] at the ends and in between, within the turn from the lower limit on.
-    """
-    robot = srs.robot
-    room = np.where(np.isfinite(robot.upper), robot.upper - inner + WITHIN, 0.0)
-    shift = _TURN if interval[0] == -np.pi and interval[1] - interval[0] < _TURN else 0.0  # -pi itself is written pi
-    for turns in product(*(range(int(most) + 1) for most in np.floor(room / _TURN))):
-        yield Arc(branch, interval[0] + shift, interval[1] + shift, turns, ends, elbow, srs)
-
-
-def _polished(srs: SRS, elbow: ElbowBranch, k: int, end: float, step: float) -> float:
-    """The end of an arc [rad], moved inwards, `step` [rad] being the way across, as far as rounding put it outside."""
-
-    def is_inside(psi: float) -> bool:
-        return bool(_is_inside(srs, _from_lower(srs, srs.evaluate(elbow, np.array([psi]))[:, k]))[0])
-
-    if is_inside(end):
-        return end
-    outside, within = end, end + 0.5 * step
-    for _ in range(60):
-        half = 0.5 * (outside + within)
-        if half in (outside, within):
-            break
-        outside, within = (outside, half) if is_inside(half) else (half, within)
-    return within
+    return np.asarray(whole & (np.abs(wrapped(q - np.where(whole, limits, 0.0))) < within))
 
 
 def _towards(srs: SRS, elbow: ElbowBranch, cuts: np.ndarray, q: np.ndarray, steps: np.ndarray) -> np.ndarray:
     """The angles q (k, 4, 7) [rad] at the cuts (k,), seen from the cell that lies on the side of `steps` (k,) [rad].
 
-    A joint that is at the start of its range is at the lower limit or a whole turn further, whichever it leaves on the
-    way into the cell.
+    A joint that is at its seam is at the lower limit or a whole turn further, whichever it leaves on the way into the
+    cell.
     """
     q = q.copy()
-    at_start = _at_start(srs, q)
-    rows = np.flatnonzero(at_start.any(axis=(1, 2)))
-    psi = cuts[rows, None] + steps[rows, None] * 0.5 ** np.arange(48, 0, -1.0)
-    path = _from_lower(srs, srs.evaluate(elbow, psi.ravel())).reshape(*psi.shape, 4, 7)
+    at_seam = _is_at(srs, srs.robot.lower, q)
+    rows = np.flatnonzero(at_seam.any(axis=(1, 2)))
+    psi = cuts[rows, None] + steps[rows, None] * 0.5 ** np.arange(48, 0, -2.0)
+    path = _from_seam(srs, srs.evaluate(elbow, psi.ravel())).reshape(*psi.shape, 4, 7)
     past = path - np.where(np.isfinite(srs.robot.lower), srs.robot.lower, 0.0)
     departed = (past > _NEAR) & (past < _TURN - _NEAR)
     first = np.take_along_axis(past, departed.argmax(axis=1)[:, None], axis=1)[:, 0]
     further = departed.any(axis=1) & (first > np.pi)
-    q[rows] = np.where(at_start[rows], srs.robot.lower + np.where(further, _TURN, 0.0), q[rows])
+    q[rows] = np.where(at_seam[rows], srs.robot.lower + np.where(further, _TURN, 0.0), q[rows])
     return q

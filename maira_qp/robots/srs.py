@@ -32,7 +32,7 @@ first and the last joint turn against each other at a single psi: one pair of th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -125,23 +125,16 @@ class SphericalJoint:
 
         In (-pi, pi] but the middle one, which is not wrapped. Row 0 has tau = +1.
         """
-        a, b, c = self.a, self.b, self.c
-        y = R @ c
-        gamma = _angle(a, y)
-        delta, total = self.angles
-        near = np.sin(0.5 * (gamma + delta)) * np.sin(0.5 * (gamma - delta))
-        far = np.sin(0.5 * (total + gamma)) * np.sin(0.5 * (total - gamma))
-        theta = 2 * np.arctan2(np.sqrt(np.maximum(near, 0)), np.sqrt(np.maximum(far, 0)))
-        missing = np.maximum(abs(delta) - gamma, gamma - (np.pi - abs(np.pi - total)))
-        theta = np.where(missing > REACHED_WITHIN, np.nan, theta)
-        q_b = self.phase + np.stack([theta, -theta], axis=-1)
-        R_b = rotations(b, q_b)
-        x, y = _cross(a, R_b @ c), _cross(a, y)[..., None, :]  # short near a singularity, but of exact direction
-        q_a = np.arctan2((_cross(a, x) * y).sum(-1), (x * y).sum(-1))
-        left = (rotations(a, q_a) @ R_b).swapaxes(-1, -2) @ R[..., None, :, :]
-        e = _across(c)
-        turned = left @ e
-        return np.stack([q_a, q_b, np.arctan2(turned @ _cross(c, e), turned @ e)], axis=-1)
+        from maira_qp.kernels.davenport import davenport_angles  # heavy: Numba comes with it
+
+        q = np.empty((R.size // 9, 2, 3))
+        davenport_angles(self._row, np.ascontiguousarray(R).reshape(-1, 3, 3), REACHED_WITHIN, q)
+        return q.reshape(*R.shape[:-2], 2, 3)
+
+    @cached_property
+    def _row(self) -> np.ndarray:
+        """The joint (15,) of `maira_qp.kernels.davenport`."""
+        return np.concatenate([self.a, self.b, self.c, _across(self.c), [self.phase, *self.angles]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +196,7 @@ class SRS:
         found = _geometry(robot, (0.0, 0.0, 1.0))
         return found if isinstance(found, str) else None
 
-    @property
+    @cached_property
     def joints(self) -> tuple[SphericalJoint, SphericalJoint]:
         """Shoulder and wrist."""
         return SphericalJoint(*self.axes[:3]), SphericalJoint(*self.axes[4:])

@@ -1,9 +1,8 @@
 """The best of all configurations that put the tip of an S-R-S arm at a pose: the global minimum over its arcs.
 
 Along each arc (`maira_qp.robots.arcs`) the cost is a function of the swivel angle alone. It is sampled, denser where
-the joints turn fast, and each least sample between two others is refined by bounded scalar minimisation (Brent,
-"Algorithms for minimization without derivatives", 1973, chapter 5). A minimum narrower than the samples, `STEP` apart
-in every joint, can be missed.
+the joints turn fast, and each least sample between two others is refined by Brent's minimisation (`brent`), all of them
+side by side. A minimum narrower than the samples, `STEP` apart in every joint, can be missed.
 """
 
 from __future__ import annotations
@@ -13,11 +12,11 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.optimize import minimize_scalar
 
-from maira_qp.problem.objectives import Objective, Posture
-from maira_qp.robots.arcs import Arc, arcs
-from maira_qp.robots.srs import SRS, Branch
+from maira_qp.problem.objectives import LimitDistance, Objective, Posture
+from maira_qp.robots.arcs import Arc, arcs, at_each
+from maira_qp.robots.srs import SRS
+from maira_qp.solvers.brent import minima
 
 STEP = 0.2
 """Samples on an arc are at most this far apart [rad] in every joint, singularities aside."""
@@ -41,12 +40,10 @@ def best(srs: SRS, T: np.ndarray | pin.SE3, objective: Objective) -> Best | None
 
     Raises `PoseError`, `OptionError`.
     """
-    least: Best | None = None
-    for sampled in sorted(_sampled(srs, T, objective.of(srs.robot)), key=lambda each: each.costs.min()):
-        if least is None or sampled.bound < least.cost:
-            refined = sampled.refined()
-            least = refined if least is None or refined.cost < least.cost else least
-    return least
+    sampled = SampledArcs.of(srs, T, objective.of(srs.robot))
+    if not sampled.arcs:
+        return None
+    return min(sampled.refined(sampled.bounds <= sampled.costs.min()), key=lambda one: one.cost)
 
 
 def best_of_each_arc(srs: SRS, T: np.ndarray | pin.SE3, objective: Objective) -> list[Best]:
@@ -54,8 +51,8 @@ def best_of_each_arc(srs: SRS, T: np.ndarray | pin.SE3, objective: Objective) ->
 
     Raises `PoseError`, `OptionError`.
     """
-    refined = [sampled.refined() for sampled in _sampled(srs, T, objective.of(srs.robot))]
-    return sorted(refined, key=lambda one: one.cost)
+    sampled = SampledArcs.of(srs, T, objective.of(srs.robot))
+    return sorted(sampled.refined(np.ones(len(sampled.arcs), bool)), key=lambda one: one.cost)
 
 
 def nearest(srs: SRS, T: np.ndarray | pin.SE3, q0: Any, weights: Any = None) -> Best | None:
@@ -64,84 +61,95 @@ def nearest(srs: SRS, T: np.ndarray | pin.SE3, q0: Any, weights: Any = None) -> 
 
 
 @dataclass(frozen=True, eq=False)
-class _Sampled:
-    """An arc, and the cost at samples of it."""
+class SampledArcs:
+    """All arcs for a pose, and the cost at N samples, from end to end of one arc after the other."""
 
-    arc: Arc
+    srs: SRS
+    arcs: list[Arc]
     objective: Objective
+    which: np.ndarray
+    """Number of the arc (N,) that a sample is of, ascending"""
     psi: np.ndarray
-    """(k,) [rad]"""
+    """(N,) [rad]"""
     q: np.ndarray
-    """(k, 7) [rad]"""
+    """(N, 7) [rad]"""
     costs: np.ndarray
-    """(k,)"""
+    """(N,)"""
+
+    @staticmethod
+    def of(srs: SRS, T: np.ndarray | pin.SE3, objective: Objective) -> SampledArcs:
+        """Of an objective that was made for the arm: samples between which no joint turns by more than `STEP`."""
+        found = arcs(srs, T)
+        counts = [3 + int(arc.length / STEP) if arc.length > 0 else 1 for arc in found]
+        which = np.repeat(np.arange(len(found)), counts)
+        ends = zip(found, counts, strict=True)
+        psi = np.concatenate([[], *(np.linspace(arc.lower, arc.upper, count) for arc, count in ends)])
+        q = at_each(found, which, psi)
+        for _ in range(16):
+            turned = np.abs(np.diff(q, axis=0)).max(axis=1, initial=0.0)
+            wide = np.flatnonzero((turned > STEP) & (np.diff(psi) > _FINEST) & (np.diff(which) == 0))
+            if not len(wide):
+                break
+            between, own = 0.5 * (psi[wide] + psi[wide + 1]), which[wide]
+            q = np.insert(q, wide + 1, at_each(found, own, between), axis=0)
+            which, psi = np.insert(which, wide + 1, own), np.insert(psi, wide + 1, between)
+        q = _on_turns(srs, objective, q)
+        return SampledArcs(srs, found, objective, which, psi, q, _costs(srs, objective, q))
 
     @property
-    def bound(self) -> float:
-        """No cost on the arc is lower; known of a posture alone.
+    def bounds(self) -> np.ndarray:
+        """What no cost on an arc (A,) is below; known of a posture alone.
 
         Its root is a distance: between two samples it falls by no more than these are apart.
         """
-        if not isinstance(self.objective, Posture):
-            return -np.inf
-        gaps = np.abs(np.diff(self.q, axis=0)).max(axis=0, initial=0.0)
-        reach = np.sqrt(0.5 * gaps @ (self.objective.weights * gaps))
-        return float(max(np.sqrt(self.costs.min()) - reach, 0.0) ** 2)
+        bounds = np.full(len(self.arcs), -np.inf)
+        if isinstance(self.objective, Posture):
+            for k in range(len(self.arcs)):
+                own = self.which == k
+                gaps = np.abs(np.diff(self.q[own], axis=0)).max(axis=0, initial=0.0)
+                reach = np.sqrt(0.5 * gaps @ (self.objective.weights * gaps))
+                bounds[k] = max(np.sqrt(self.costs[own].min()) - reach, 0.0) ** 2
+        return bounds
 
-    def refined(self) -> Best:
-        """The least cost on the arc."""
+    def refined(self, wanted: np.ndarray) -> list[Best]:
+        """The least cost on each of the arcs that are wanted (A,)."""
+        at, low, high = self._brackets(wanted)
+        own = self.which[at]
+        psi, _ = minima(lambda rows, psi: self._evaluated(own[rows], psi)[1], low, high)
+        psi = np.where(high > low, psi, self.psi[at])
+        # a least sample at an end of its arc may itself be the least
+        own, psi = np.concatenate([own, own]), np.concatenate([psi, self.psi[at]])
+        q, costs = self._evaluated(own, psi)
+        order = np.lexsort([costs, own])
+        first = order[np.diff(own[order], prepend=-1) > 0]
+        return [Best(q[k], float(costs[k]), float(psi[k]), self.arcs[own[k]]) for k in first]
 
-        def cost(psi: float) -> float:
-            return float(_evaluated(self.arc, self.objective, np.array([psi]))[1][0])
+    def _brackets(self, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The least samples (m,) of the arcs that are wanted (A,), and psi (m,) [rad] of the samples on either side."""
+        begins = np.diff(self.which, prepend=-1) > 0
+        ends = np.roll(begins, -1)
+        falls = np.diff(self.costs, prepend=np.inf) <= 0
+        rises = np.diff(self.costs, append=np.inf) >= 0
+        at = np.flatnonzero((begins | falls) & (ends | rises) & wanted[self.which])
+        return at, self.psi[np.where(begins[at], at, at - 1)], self.psi[np.where(ends[at], at, at + 1) % len(self.psi)]
 
-        psi, costs = self.psi, self.costs
-        found = [(float(costs.min()), float(psi[costs.argmin()]))]
-        for i in _least(costs):
-            low, high = psi[max(i - 1, 0)], psi[min(i + 1, len(psi) - 1)]
-            if high > low:
-                result: Any = minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-9})
-                found.append((float(result.fun), float(result.x)))
-        least, at = min(found)
-        return Best(_evaluated(self.arc, self.objective, np.array([at]))[0][0], least, at, self.arc)
-
-
-def _sampled(srs: SRS, T: np.ndarray | pin.SE3, objective: Objective) -> list[_Sampled]:
-    """All arcs, sampled; those that differ by whole turns alone at the same angles."""
-    samples: dict[tuple[Branch, float, float], np.ndarray] = {}
-    sampled = []
-    for arc in arcs(srs, T):
-        key = (arc.branch, arc.lower, arc.upper)
-        if key not in samples:
-            samples[key] = _samples(arc)
-        sampled.append(_Sampled(arc, objective, samples[key], *_evaluated(arc, objective, samples[key])))
-    return sampled
-
-
-def _evaluated(arc: Arc, objective: Objective, psi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The configurations (k, 7) [rad] at psi (k,) [rad], and their costs (k,).
-
-    With a posture, a continuous joint takes the turn that is nearest to the reference.
-    """
-    robot, q = arc.robot, arc.at(psi)
-    if isinstance(objective, Posture):
-        turns = np.round((objective.q_ref - q) / (2 * np.pi))
-        q = q + np.where(np.isinf(robot.upper), 2 * np.pi * turns, 0.0)
-    return q, np.array([objective.cost(robot.at(each)) for each in q])
+    def _evaluated(self, which: np.ndarray, psi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The configurations (m, 7) [rad] at psi (m,) [rad] of some arcs (m,), and their costs (m,)."""
+        q = _on_turns(self.srs, self.objective, at_each(self.arcs, which, psi))
+        return q, _costs(self.srs, self.objective, q)
 
 
-def _least(costs: np.ndarray) -> np.ndarray:
-    """Which samples (k,) are no higher than their neighbours."""
-    padded = np.concatenate([[np.inf], costs, [np.inf]])
-    return np.flatnonzero((costs <= padded[:-2]) & (costs <= padded[2:]))
+def _on_turns(srs: SRS, objective: Objective, q: np.ndarray) -> np.ndarray:
+    """The configurations (N, 7) with continuous joints on the turn that is nearest to the reference of a posture."""
+    if not isinstance(objective, Posture):
+        return q
+    turns = np.round((objective.q_ref - q) / (2 * np.pi))
+    return q + np.where(np.isinf(srs.robot.upper), 2 * np.pi * turns, 0.0)
 
 
-def _samples(arc: Arc) -> np.ndarray:
-    """Angles psi (k,) [rad] from end to end of an arc, between which no joint turns by more than `STEP`."""
-    psi = np.unique(np.linspace(arc.lower, arc.upper, 3 + int(arc.length / STEP)))
-    for _ in range(16):
-        turned = np.abs(np.diff(arc.at(psi), axis=0)).max(axis=1, initial=0.0)
-        wide = (turned > STEP) & (np.diff(psi) > _FINEST)
-        if not wide.any():
-            break
-        psi = np.sort(np.concatenate([psi, 0.5 * (psi[:-1] + psi[1:])[wide]]))
-    return psi
+def _costs(srs: SRS, objective: Objective, q: np.ndarray) -> np.ndarray:
+    """The costs (N,) of configurations (N, 7)."""
+    posture = objective.as_posture if isinstance(objective, LimitDistance) else objective
+    if isinstance(posture, Posture):
+        return 0.5 * (q - posture.q_ref) ** 2 @ posture.weights
+    return np.array([objective.cost(srs.robot.at(each)) for each in q])
