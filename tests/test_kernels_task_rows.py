@@ -124,7 +124,7 @@ def tasks_of(robot: mq.Robot, rng: np.random.Generator, target: pin.SE3) -> dict
 
 
 def cases(robot: mq.Robot, rng: np.random.Generator, count: int):
-    """Configurations and targets of the first tip: far from each other, turned by nearly half a turn, near, and at each other."""
+    """Configurations and targets of the first tip: far from each other, by nearly half a turn, near, and the same."""
     for k in range(count):
         q = robot.random_configuration(rng)
         here = robot.forward(q, robot.tips[0])

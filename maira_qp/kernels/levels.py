@@ -57,8 +57,9 @@ def level_costs(tree, parents, tasks, places, objectives, work, q, values):
     for t in range(len(tasks)):
         for f in range(3):
             joint = places[t, JOINTS + f]
-            if joint != ABSENT:
-                place(poses, joint, tasks[t, PLACEMENTS + 12 * f :], tools[t, f])
+            if joint == ABSENT:
+                break
+            place(poses, joint, tasks[t, PLACEMENTS + 12 * f :], tools[t, f])
         task_error(tasks[t], places[t], tools[t], targets[t], q, e[t])
         values[places[t, LEVEL]] += 0.5 * _squared_error(tasks[t], e[t])
 
@@ -132,14 +133,14 @@ def add_rows(tree, parents, tasks, places, t, work, end):
         work.counts[t] = count
         path_jacobian(tree, work.poses, path, work.tools[t, f], J[:count])
         for k in range(6):
-            weight = task[WEIGHTS + k]
-            if weight > 0.0:
-                for a in range(count):
-                    s = 0.0
-                    for j in range(6):
-                        s += levers[f, k, j] * J[a, j]
-                    rows[row, path[a]] += weight * s
-                row += 1
+            if task[WEIGHTS + k] == 0.0:
+                continue
+            for j in range(6):
+                lever = task[WEIGHTS + k] * levers[f, k, j]
+                if lever != 0.0:
+                    for a in range(count):
+                        rows[row, path[a]] += lever * J[a, j]
+            row += 1
     return last
 
 
