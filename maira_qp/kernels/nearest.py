@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.compilation import kernel
-from maira_qp.kernels.descent import ORIENTATION_WEIGHT, POSITION_WEIGHT, is_reached, squares
+from maira_qp.kernels.descent import (
+    ORIENTATION_WEIGHT,
+    POSITION_WEIGHT,
+    is_reached,
+    lanes_memory,
+    pose_cost,
+    squares,
+)
+from maira_qp.kernels.lane_newton import newton_in_lanes
+from maira_qp.kernels.lanes import LANES
 from maira_qp.kernels.objective import objective_cost
 from maira_qp.kernels.settling import (
     ITERATIONS,
@@ -29,10 +38,18 @@ def nearest_points(chain, settings, targets, reference, weights, tolerance, most
     """
     n = q.shape[1]
     work, nothing = make_workspace(n), np.zeros(n)
+    floats, lane_of = np.empty(lanes_memory(n)), np.empty(LANES, np.int64)
+    left, steps = np.full(len(q), np.inf), np.zeros(len(q), np.int64)
+    if most > 0:
+        newton_in_lanes(chain, settings, targets, 1, tolerance, floats, lane_of, q, left, steps)
     for k in range(len(q)):
-        steps, left = trade_off(chain, settings, targets[k], nothing, nothing, 0.0, tolerance, most, work, q[k])
+        if left[k] <= tolerance:
+            pose_cost(chain, settings, targets[k], q[k], work.axes, work.origins, work.tool, work.e)
+        else:
+            more, left[k] = trade_off(chain, settings, targets[k], nothing, nothing, 0.0, tolerance, most, work, q[k])
+            steps[k] += more
         position, orientation = squares(work.e)
-        outcome[k, REACHED], outcome[k, ITERATIONS] = is_reached(settings, work.e), steps
-        outcome[k, PROJECTED_GRADIENT], outcome[k, OBJECTIVE] = left, objective_cost(q[k], reference, weights)
+        outcome[k, REACHED], outcome[k, ITERATIONS] = is_reached(settings, work.e), steps[k]
+        outcome[k, PROJECTED_GRADIENT], outcome[k, OBJECTIVE] = left[k], objective_cost(q[k], reference, weights)
         outcome[k, POSITION_ERROR] = np.sqrt(position) if settings[POSITION_WEIGHT] > 0.0 else 0.0
         outcome[k, ORIENTATION_ERROR] = np.sqrt(orientation) if settings[ORIENTATION_WEIGHT] > 0.0 else 0.0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from maira_qp.kernels.compilation import bare_kernel
 from maira_qp.kernels.descent import ORIENTATION_WEIGHT, POSITION_WEIGHT, quadratic_model
 from maira_qp.kernels.lanes import load, load2, store, store2
@@ -58,12 +56,13 @@ def subtract_flattening(settings, J, e, H):
 
     The compiled form of the last term of `maira_qp.problem.tasks.frame.FrameTask.hessian`, `k (w x phi) . (w x phi)`.
     """
-    x, y, z = e[3], e[4], e[5]
-    k = flattening(math.sqrt(x * x + y * y + z * z)) * settings[ORIENTATION_WEIGHT] ** 2
+    x, y, z = load(e, 3), load(e, 4), load(e, 5)
+    k = flattening(x * x + y * y + z * z) * settings[ORIENTATION_WEIGHT] ** 2
     for j in range(len(J)):
-        w0, w1, w2 = J[j, 3], J[j, 4], J[j, 5]
+        w0, w1, w2 = load2(J, j, 3), load2(J, j, 4), load2(J, j, 5)
         a, b, c = k * (y * w2 - z * w1), k * (z * w0 - x * w2), k * (x * w1 - y * w0)
         for i in range(j + 1):
-            w0, w1, w2 = J[i, 3], J[i, 4], J[i, 5]
-            h = H[i, j] - (a * (y * w2 - z * w1) + b * (z * w0 - x * w2) + c * (x * w1 - y * w0))
-            H[i, j], H[j, i] = h, h
+            w0, w1, w2 = load2(J, i, 3), load2(J, i, 4), load2(J, i, 5)
+            h = load2(H, i, j) - (a * (y * w2 - z * w1) + b * (z * w0 - x * w2) + c * (x * w1 - y * w0))
+            store2(H, i, j, h)
+            store2(H, j, i, h)

@@ -8,15 +8,17 @@ from __future__ import annotations
 import math
 
 from maira_qp.kernels.compilation import bare_kernel
+from maira_qp.kernels.lanes import root, select
+from maira_qp.kernels.sine import sine_cosine
 from maira_qp.kernels.vectors import cross, dot, length
 
 
 @bare_kernel
-def flattening(angle):
-    """k; 1/12 at 0."""
-    if angle < 1e-2:
-        return 1.0 / 12.0 + angle * angle / 720.0
-    return (1.0 - 0.5 * angle / math.tan(0.5 * angle)) / (angle * angle)
+def flattening(square):
+    """k for the square of an angle, in one lane or eight; 1/12 at 0."""
+    half = 0.5 * root(square)
+    sine, cosine = sine_cosine(half)
+    return select(square < 1e-4, 1.0 / 12.0 + square / 720.0, (1.0 - half * cosine / sine) / square)
 
 
 @bare_kernel
@@ -32,7 +34,7 @@ def flattening_slope(angle):
 def inverse_right_jacobian(phi, M):
     """`J^-1_r` into M (3, 3)."""
     x, y, z = phi
-    k = flattening(length(phi))
+    k = flattening(dot(phi, phi))
     M[0, 0], M[0, 1], M[0, 2] = 1.0 - k * (y * y + z * z), k * x * y - 0.5 * z, k * x * z + 0.5 * y
     M[1, 0], M[1, 1], M[1, 2] = k * x * y + 0.5 * z, 1.0 - k * (x * x + z * z), k * y * z - 0.5 * x
     M[2, 0], M[2, 1], M[2, 2] = k * x * z - 0.5 * y, k * y * z + 0.5 * x, 1.0 - k * (x * x + y * y)
@@ -45,7 +47,7 @@ def bend_of_logarithm(phi, u, M, S):
     With G the derivative of `J^-T_r u` by phi, S is the symmetric part of `-G J^-1_r`.
     """
     angle = length(phi)
-    k, twice = flattening(angle), cross(phi, cross(phi, u))
+    k, twice = flattening(dot(phi, phi)), cross(phi, cross(phi, u))
     for j in range(3):
         column = M[0, j], M[1, j], M[2, j]
         by_phi, by_u, across = dot(phi, column), dot(u, column), cross(u, column)
@@ -65,7 +67,7 @@ def bend_of_even_cost(phi, weight, S):
 
     It is `-k weight^2 (|phi|^2 I - phi phi^T)`: the turns' derivatives of the logarithm cancel but for this.
     """
-    k = flattening(length(phi)) * weight * weight
+    k = flattening(dot(phi, phi)) * weight * weight
     for i in range(3):
         for j in range(3):
             S[i, j] = k * phi[i] * phi[j] - (k * dot(phi, phi) if i == j else 0.0)

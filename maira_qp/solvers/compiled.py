@@ -25,6 +25,7 @@ from maira_qp.kernels.descent import (
 )
 from maira_qp.kernels.lanes import LANES
 from maira_qp.kernels.nearest import nearest_points
+from maira_qp.kernels.nearest_in_closed_form import nearest_in_closed_form
 from maira_qp.kernels.rigid import FINE
 from maira_qp.kernels.search import (
     ATTEMPT,
@@ -198,13 +199,11 @@ class Compiled:
             self._reach_in_closed_form(rows, streams, shuffled, q, outcome)
             if outcome[:, SUCCESS].min() > 0.0:
                 return
-            proved, left = outcome[:, SUCCESS] == PROVED, outcome[:, SUCCESS] == 0.0
-            near = proved & (outcome[:, FINAL_COST] < np.inf)
-            self._part(rows, q, streams, shuffled, (0, 0), np.flatnonzero(near), q, outcome)
-            self._part(
-                rows, starts, streams, shuffled, (0, min(HEAD, last)), np.flatnonzero(proved & ~near), q, outcome
-            )
-            self._part(rows, starts, streams, shuffled, (0, last), np.flatnonzero(left), q, outcome)
+            proved, left = np.flatnonzero(outcome[:, SUCCESS] == PROVED), np.flatnonzero(outcome[:, SUCCESS] == 0.0)
+            self._approach_in_closed_form(rows, streams, shuffled, proved, q, outcome)
+            beyond = proved[~np.isfinite(outcome[proved, FINAL_COST])]
+            self._part(rows, starts, streams, shuffled, (0, min(HEAD, last)), beyond, q, outcome)
+            self._part(rows, starts, streams, shuffled, (0, last), left, q, outcome)
             outcome[proved, SUCCESS] = PROVED
             return
         head = min(HEAD, last)
@@ -248,17 +247,32 @@ class Compiled:
             self.chain,
             self.settings,
             self.proofs.srs,
-            self.proofs.span,
             rows,
             streams,
             shuffled,
             np.empty(FLOATS),
             np.empty(INTEGERS, np.int64),
             np.empty((8, PIECES, 3)),
-            np.empty((24, 3)),
+            np.empty((20, 3)),
             q,
             outcome,
         )
+
+    def _approach_in_closed_form(
+        self,
+        rows: np.ndarray,
+        streams: np.ndarray,
+        shuffled: bool,
+        some: np.ndarray,
+        q: np.ndarray,
+        outcome: np.ndarray,
+    ) -> None:
+        """Put the nearest points of some of the targets, which are out of reach, into q (N, 7)."""
+        if len(some):
+            near, end, tolerance = q[some], outcome[some], self.settling[STATIONARITY_TOLERANCE]
+            problem = self.chain, self.settings, self.proofs.srs, self.proofs.span
+            nearest_in_closed_form(*problem, rows[some], streams[some], shuffled, tolerance, near, end)
+            q[some], outcome[some] = near, end
 
     def _settle(self, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
         """Settle the redundancy at the configurations q (N, n), in place, that reach the targets (N, 12)."""
