@@ -90,8 +90,10 @@ class Task(ABC):
         """J (m, n): the error falls by J dq."""
 
     def curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
-        """How the rows `W J` bend (n, n): `sum_k multipliers_k d(W J)_k/dq`, symmetric, for multipliers (m,); zero where
-        unknown."""
+        """How the rows `W J` bend (n, n): `sum_k multipliers_k d(W J)_k/dq`, symmetric; multipliers (m,).
+
+        Zero where unknown.
+        """
         return np.zeros((at.n, at.n))
 
     def hessian(self, at: Configuration) -> np.ndarray:
