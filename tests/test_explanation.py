@@ -149,3 +149,31 @@ def test_tasks_that_are_no_pose_are_explained_too(maira):
     )
     assert not far.success
     assert "away" in str(far.explain())
+
+
+def test_the_pair_that_is_in_the_way_is_named_with_what_it_costs(maira, rng):
+    """A ball where the tool is to be: its pair, its distance, and by differences what a smaller margin gains."""
+    T = mq.pose([0.6, 0.0, 0.5], quaternion=[0, 1, 0, 0])
+    ball = mq.Sphere(0.08, mq.pose([0.6, 0.02, 0.45]), name="ball")
+    near = maira.clip(mq.Solver(maira).solve(mq.pose([0.6, 0.4, 0.5], quaternion=[0, 1, 0, 0])).q)
+    answers = []
+    for margin in (0.02, 0.0199):
+        limit = mq.CollisionLimit(obstacles=[ball], margin=margin, self_collision=False)
+        options = mq.Options(max_restarts=0)
+        answers.append(mq.Solver(maira, limits=[limit], options=options).solve(T, q0=near))
+    s, nearer = answers
+    assert s.status is mq.Status.NEAREST
+    why = s.explain()
+    assert [pair.name for pair in why.pairs] == [name for name in s.active_limits if "ball" in name]
+    costly = [pair for pair in why.pairs if pair.multiplier > 0]
+    assert costly
+    assert all(pair.distance == pytest.approx(0.02, abs=1e-6) for pair in costly)
+    weights = mq.Solver(maira).tasks[0].weights
+    cost = [0.5 * np.sum((weights * mq.pose_error(maira.forward(one.q), T)) ** 2) for one in (s, nearer)]
+    assert sum(pair.multiplier for pair in costly) == pytest.approx((cost[0] - cost[1]) / 1e-4, rel=0.05)
+    assert why.is_reached_without
+    assert np.linalg.norm(why.blocked) > 0.01
+    assert f"{costly[0].name} are 20 mm apart." in str(why)
+    assert "Without these limits the target would be reached." in str(why)
+    assert costly[0].name in why.blocking
+    assert why.as_dict()["pairs"][0]["multiplier"] == costly[0].multiplier

@@ -170,9 +170,17 @@ class CollisionLimit(Limit):
 
     def active(self, at: Configuration) -> list[str]:
         """The pairs at the margin, or nearer, such as "link2 - ball"."""
+        return list(dict.fromkeys(name for name, _ in self.touching(at)[0]))
+
+    def touching(self, at: Configuration) -> tuple[list[tuple[str, float]], np.ndarray]:
+        """Names and distances [m] of the k pairs at the margin, or nearer, and the gradients (k, n) of the distances.
+
+        Links of several shapes may make several pairs of one name.
+        """
         contacts = self._near(at)
-        pairs = contacts.pairs[contacts.distances <= self.margin + ACTIVE_WITHIN]
-        return list(dict.fromkeys(" - ".join(self._names(pair)) for pair in pairs))
+        rows = np.flatnonzero(contacts.distances <= self.margin + ACTIVE_WITHIN)
+        named = [(" - ".join(self._names(contacts.pairs[i])), float(contacts.distances[i])) for i in rows]
+        return named, contacts.gradients[rows].reshape(-1, at.n)
 
     def distance(self, at: Configuration) -> float:
         """The smallest distance of all pairs [m], negative by the depth where shapes overlap; inf if there are none."""

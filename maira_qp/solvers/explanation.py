@@ -1,4 +1,4 @@
-"""Why a solve ended as it did: what is left of the pose error, and which limits of the joints stand in the way.
+"""Why a solve ended as it did: what is left of the pose error, and which limits of joints, which bodies are in the way.
 
 At a stationary point the gradient of what was minimised is held up by limits alone; what a limit holds up, its
 multiplier, is what the cost would fall by, per rad or m, if the limit gave way (Nocedal and Wright, "Numerical
@@ -14,7 +14,9 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.optimize import nnls
 
+from maira_qp.problem.collision import CollisionLimit
 from maira_qp.problem.costs import multipliers
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.redundancy import Strict, Weighted
@@ -56,6 +58,18 @@ class ActiveLimit:
     """Of `further`: "rad" or "m" """
 
 
+@dataclass(frozen=True)
+class ActivePair:
+    """Two bodies that a `CollisionLimit` holds apart, and what it costs."""
+
+    name: str
+    """Such as "link5 - ball" """
+    distance: float
+    """[m]"""
+    multiplier: float
+    """What the minimised cost would fall by [per m] if they could be nearer; 0 where they are in nobody's way"""
+
+
 @dataclass(frozen=True, eq=False)
 class Explanation:
     """Why a solve ended as it did; `str()` says it in words."""
@@ -67,6 +81,8 @@ class Explanation:
     """[rad]"""
     limits: tuple[ActiveLimit, ...]
     """The joint limits that the answer stands on, the most costly first"""
+    pairs: tuple[ActivePair, ...]
+    """The pairs of bodies as near as their margin allows, the most costly first"""
     blocked: np.ndarray
     """What the limits that cost something keep of the way to the target together (6,): position [m] and rotation [rad]
     in the axes of the tool; zero where the task is none of a pose"""
@@ -82,6 +98,7 @@ class Explanation:
         return {
             "text": str(self),
             "limits": [asdict(limit) for limit in self.limits],
+            "pairs": [asdict(pair) for pair in self.pairs],
             "blocked": self.blocked,
             "is_reached_without": self.is_reached_without,
             "is_compromise": self.is_compromise,
@@ -90,8 +107,8 @@ class Explanation:
 
     @property
     def blocking(self) -> tuple[str, ...]:
-        """Names of the limits that cost something."""
-        return tuple(limit.name for limit in self.limits if limit.multiplier > 0)
+        """Names of the limits and pairs that cost something."""
+        return tuple(one.name for one in (*self.limits, *self.pairs) if one.multiplier > 0)
 
     def __str__(self) -> str:
         return " ".join(_sentences(self))
@@ -102,6 +119,7 @@ def explain(priorities: Priorities, targets: Targets, solution: Solution, settin
     robot, question = setting.robot, _Question(priorities, targets, setting, solution.q)
     force = _force(priorities, targets, robot.at(solution.q), solution)
     least = 10 * setting.options.stationarity_tolerance
+    pairs, force = _pairs(priorities, targets, setting, solution, force, least)
     limits = []
     for end, stands, forces in (
         ("lower", solution.q <= robot.lower + ACTIVE_WITHIN, force),
@@ -121,8 +139,9 @@ def explain(priorities: Priorities, targets: Targets, solution: Solution, settin
     limits.sort(key=lambda limit: -limit.multiplier)
     blocking = [limit.name for limit in limits if limit.multiplier > 0]
     blocked, without = np.zeros(6), False
-    if blocking and not solution.success:
-        free = question.solved_without(blocking)
+    touching = any(pair.multiplier > 0 for pair in pairs)
+    if (blocking or touching) and not solution.success:
+        free = question.solved_without(blocking, collisions=not touching)
         blocked, without = question.way_to(free.q), free.success
     weighs = isinstance(priorities.redundancy, Weighted) and not solution.success
     return Explanation(
@@ -130,6 +149,7 @@ def explain(priorities: Priorities, targets: Targets, solution: Solution, settin
         position_error=solution.position_error,
         orientation_error=solution.orientation_error,
         limits=tuple(limits),
+        pairs=pairs,
         blocked=blocked,
         is_reached_without=without,
         proof=solution.proof,
@@ -151,6 +171,36 @@ def _force(priorities: Priorities, targets: Targets, at: Configuration, solution
     return gradient + rows.T @ multipliers(rows, gradient, held)
 
 
+def _pairs(
+    priorities: Priorities, targets: Targets, setting: Setting, solution: Solution, force: np.ndarray, least: float
+) -> tuple[tuple[ActivePair, ...], np.ndarray]:
+    """The pairs at their margin, the most costly first, and what they leave of the force (n,) to the joint limits.
+
+    The multipliers are those, none negative, of pairs and joint limits together that balance the force best; where the
+    target is reached, of what of it is along the self-motion. Of pairs that share a name the sum counts.
+    """
+    robot, at = setting.robot, setting.robot.at(solution.q)
+    found = [limit.touching(at) for limit in setting.further if isinstance(limit, CollisionLimit)]
+    named = [pair for pairs, _ in found for pair in pairs]
+    if not named:
+        return (), force
+    gradients = np.vstack([gradients for _, gradients in found])
+    lower, upper = at.q <= robot.lower + ACTIVE_WITHIN, at.q >= robot.upper - ACTIVE_WITHIN
+    slopes = np.vstack([gradients, np.eye(at.n)[lower], -np.eye(at.n)[upper]])
+    kept = np.eye(at.n)
+    if solution.success:
+        rows = priorities.costs(targets)[0].rows(at)[0]
+        kept -= np.linalg.pinv(rows) @ rows
+    size = max(1.0, float(np.abs(force).max()))
+    held = nnls((slopes @ kept).T, kept @ force / size)[0][: len(named)] * size
+    pairs = []
+    for name in dict.fromkeys(name for name, _ in named):
+        own = [i for i, (other, _) in enumerate(named) if other == name]
+        multiplier = float(held[own].sum())
+        pairs.append(ActivePair(name, min(named[i][1] for i in own), multiplier if multiplier > least else 0.0))
+    return tuple(sorted(pairs, key=lambda pair: -pair.multiplier)), force - held @ gradients
+
+
 @dataclass(frozen=True)
 class _Question:
     """What was asked, to be asked again from where the solve had ended."""
@@ -160,8 +210,11 @@ class _Question:
     setting: Setting
     q: np.ndarray
 
-    def solved_without(self, limits: list[str]) -> Solution:
-        """The tasks solved from q (n,), without these limits; past them the joints go no further than they must."""
+    def solved_without(self, limits: list[str], collisions: bool = True) -> Solution:
+        """The tasks solved from q (n,), without these limits; past them the joints go no further than they must.
+
+        Without `collisions`, bodies may touch as well.
+        """
         from maira_qp.solvers.solver import Solver  # which knows this module
 
         robot, held = self.setting.robot, np.full(len(self.q), OTHERS_COUNT)
@@ -170,7 +223,7 @@ class _Question:
         solver = Solver(
             robot.released(limits) if limits else robot,
             task=self.priorities.first,
-            limits=self.setting.further,
+            limits=[one for one in self.setting.further if collisions or not isinstance(one, CollisionLimit)],
             redundancy=Strict(Posture(self.q, held)),
             backend=self.setting.backend,
             options=replace(self.setting.options, max_restarts=0, deadline=None),
@@ -204,15 +257,21 @@ def _sentences(why: Explanation) -> Iterator[str]:
         for limit in why.limits:
             cost = f", which costs {limit.multiplier:.3g} per {limit.unit}" if limit.multiplier > 0 else ""
             yield f"It stands on {limit.name}{cost}."
+        for pair in why.pairs:
+            cost = f", which costs {pair.multiplier:.3g} per m" if pair.multiplier > 0 else ""
+            yield f"{_apart(pair)}{cost}."
         return
     if not why.blocking:
-        yield "No joint limit holds it back."
+        yield f"No {'joint ' if not why.pairs else ''}limit holds it back."
         return
     names = " and ".join(why.blocking)
     if np.linalg.norm(why.blocked) > 0:
         yield f"{names} {'block' if len(why.blocking) > 1 else 'blocks'} {_way(why.blocked)}."
     else:
         yield f"{names} {'stand' if len(why.blocking) > 1 else 'stands'} in the way."
+    for pair in why.pairs:
+        if pair.multiplier > 0:
+            yield f"{_apart(pair)}."
     alone = [limit for limit in why.limits if limit.further is not None]
     if alone:
         least = min(alone, key=lambda limit: limit.further or 0.0)
@@ -223,6 +282,13 @@ def _sentences(why: Explanation) -> Iterator[str]:
         yield "Without these limits the target would be reached."
     else:
         yield "Without these limits it would not be reached either."
+
+
+def _apart(pair: ActivePair) -> str:
+    """How far two bodies are apart."""
+    if pair.distance < 0:
+        return f"{pair.name} overlap by {_amount(-pair.distance, 'm')}"
+    return f"{pair.name} are {_amount(pair.distance, 'm')} apart"
 
 
 def _off(why: Explanation) -> str:
