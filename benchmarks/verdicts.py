@@ -16,10 +16,11 @@ from scipy.spatial.transform import Rotation
 
 import maira_qp as mq
 from maira_qp.kernels.blocked import FLOATS, INTEGERS, PIECES
-from maira_qp.kernels.closed_form import starts
+from maira_qp.kernels.search import OUTCOME, SUCCESS
 from maira_qp.kernels.verdict import POSSIBLE, verdicts
 from maira_qp.robots.srs import SRS
 from maira_qp.robots.srs_array import srs_array
+from maira_qp.solvers.compiled import Compiled
 
 VERDICTS = ("possible", "too far", "too near", "elbow", "swivel")
 ARMS = {"maira": mq.Robot.maira, "iiwa14": mq.Robot.iiwa14}
@@ -40,20 +41,18 @@ class Settings:
 def main(settings: Settings) -> None:
     """One row an arm."""
     options = mq.Options(max_restarts=settings.restarts, max_settling=0)  # the nearest point is not asked for
-    table = Table(
-        "arm", "targets", *VERDICTS, "proved, solved", "open, not solved", "start, wrong", "us verdict", "us start"
-    )
+    table = Table("arm", "targets", *VERDICTS, "proved, solved", "open, not solved", "closed form, wrong", "us verdict")
     for name, make in ARMS.items():
         robot, rng = make(), np.random.default_rng(settings.seed)
         poses = near_poses(robot, rng, settings.targets)
         rows = np.hstack([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]])
         codes, us_verdict = judged(robot, rows, options)
-        found, wrong, us_start = started(robot, rows, poses, rng)
+        found, wrong = reached(robot, rows, poses, rng)
         solved = mq.Solver(robot, options=options).solve_batch(poses, threads=1).success
         proved = codes != POSSIBLE
         counts = np.bincount(codes, minlength=len(VERDICTS))
         left = int((~proved & ~solved & ~found).sum())
-        figures = (int((proved & (solved | found)).sum()), left, wrong, f"{us_verdict:.2f}", f"{us_start:.2f}")
+        figures = (int((proved & (solved | found)).sum()), left, wrong, f"{us_verdict:.2f}")
         table.add_row(name, str(len(rows)), *map(str, counts), *map(str, figures))
     Console(width=150).print(table)
 
@@ -85,20 +84,23 @@ def judged(robot: mq.Robot, rows: np.ndarray, options: mq.Options) -> tuple[np.n
     return codes, 1e6 * (perf_counter() - begin) / len(rows)
 
 
-def started(
-    robot: mq.Robot, rows: np.ndarray, poses: np.ndarray, rng: np.random.Generator
-) -> tuple[np.ndarray, int, float]:
-    """Which targets have a start (N,), how many of 10,000 of them miss the pose by 1e-9, and the time of one [us]."""
-    arm, q, found = srs_array(known(robot)), np.empty((len(rows), robot.n)), np.empty(len(rows), bool)
-    memory = np.empty(FLOATS), integers()
-    starts(arm, rows[:1], 0.0, *memory, q[:1], found[:1])
-    begin = perf_counter()
-    starts(arm, rows, 0.0, *memory, q, found)
-    us = 1e6 * (perf_counter() - begin) / len(rows)
+def reached(robot: mq.Robot, rows: np.ndarray, poses: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, int]:
+    """Which targets are reached in closed form (N,), and how many of 10,000 of them are missed by 1e-9."""
+    engine, q, outcome = compiled(robot), np.empty((len(rows), robot.n)), np.empty((len(rows), OUTCOME))
+    engine._reach_in_closed_form(rows, np.zeros(len(rows), np.uint64), False, q, outcome)
+    found = outcome[:, SUCCESS] > 0
     some = rng.permutation(np.flatnonzero(found))[:10_000]
     inside = ((robot.lower <= q) & (q <= robot.upper)).all(axis=1)
     errors = np.array([np.abs(robot.at(q[k]).placement(None).homogeneous - poses[k]).max() for k in some])
-    return found, int((errors > 1e-9).sum() + (found & ~inside).sum()), us
+    return found, int((errors > 1e-9).sum() + (found & ~inside).sum())
+
+
+def compiled(robot: mq.Robot) -> Compiled:
+    """The arrays of a pose task."""
+    solver = mq.Solver(robot)
+    solver.solve(robot.forward(robot.middle))
+    assert isinstance(solver._compiled, Compiled)
+    return solver._compiled
 
 
 def known(robot: mq.Robot) -> SRS:

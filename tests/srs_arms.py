@@ -11,8 +11,8 @@ from test_arcs import LIMITS
 from test_srs import iiwa14_without_offset, random_arm
 
 import maira_qp as mq
-from maira_qp.kernels.blocked import FLOATS, INTEGERS, PIECES
-from maira_qp.kernels.closed_form import starts
+from maira_qp.kernels.blocked import ARCS, CRITICAL, FLOATS, INTEGERS, PIECES, Work
+from maira_qp.kernels.closed_form import start
 from maira_qp.kernels.verdict import verdicts
 from maira_qp.robots.srs import SRS
 from maira_qp.robots.srs_array import srs_array
@@ -64,7 +64,10 @@ def codes_of(arm: Arm, poses: np.ndarray, position: float = 1e-6, orientation: f
 def starts_of(arm: Arm, poses: np.ndarray, offset: float = 0.3) -> tuple[np.ndarray, np.ndarray]:
     """Configurations (N, 7) for poses (N, 4, 4), and which were found (N,)."""
     q, found, rows = np.full((len(poses), 7), np.nan), np.zeros(len(poses), bool), np.array([row_of(T) for T in poses])
-    starts(arm.array, rows, offset, *memory(), q, found)
+    floats = (np.full(shape, np.nan) for shape in ((2, 9), (2, 2, 15), (CRITICAL, 4), (2, 2, ARCS, 3)))
+    work = Work(*floats, np.full((2, 2), -(2**62)))
+    for k, row in enumerate(rows):
+        found[k] = start(arm.array, row, offset, work, q[k])
     return q, found
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from maira_qp.kernels.blocked import block, make_work, widest_gap
+from maira_qp.kernels.blocked import block, widest_gap
 from maira_qp.kernels.compilation import bare_kernel
 from maira_qp.kernels.sine import sine_cosine
 from maira_qp.kernels.spherical import FIRST, LAST, MIDDLE, RANGE, RANGES, angle, discriminant
@@ -37,17 +37,6 @@ from maira_qp.kernels.swivel import MIDDLE as ELBOW_MIDDLE
 WITHIN = 1e-12
 """A joint beyond a limit by at most this [rad] is at the limit: it is clipped."""
 _REACHED_WITHIN, _SINGULAR = 1e-13, 1e-8
-
-
-@bare_kernel
-def starts(arm, targets, offset, floats, integers, q, found):
-    """`start` for each of targets (N, 12): q (N, 7), and whether there is one into found (N,).
-
-    floats and integers are memory, see `make_work`.
-    """
-    work = make_work(floats, integers)
-    for k in range(len(targets)):
-        found[k] = start(arm, targets[k], offset, work, q[k])
 
 
 @bare_kernel
