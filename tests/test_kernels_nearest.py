@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from compiled_problems import few
 from conftest import load
 
 import maira_qp as mq
@@ -54,7 +55,7 @@ def cost_of(engine: Compiled, robot: mq.Robot, q: np.ndarray, T: np.ndarray) -> 
 def test_newton_ends_where_the_gradient_is_held_by_limits(name, rng):
     """By differences of Pinocchio's cost; inside the limits to the bit, lower than where it began; mostly."""
     robot = load(name) if name not in ("maira", "iiwa14") else getattr(mq.Robot, name)()
-    engine, poses = problem(robot), out_of_reach(robot, rng, 40)
+    engine, poses = problem(robot), out_of_reach(robot, rng, few(40))
     begin = np.array([robot.random_configuration(rng) for _ in poses])
     ends, left = descended(engine, rows_of(poses), 1, begin)
     assert ((robot.lower <= ends) & (ends <= robot.upper)).all()
@@ -87,10 +88,10 @@ def test_a_descent_depends_on_its_lane_alone(maira, rng):
 def test_the_nearest_points_from_closed_form_are_as_near_as_those_of_many_starts(name, rng):
     """Of 150 poses beyond the reach hardly one has a nearer point at the end of any of 20 descents."""
     robot = getattr(mq.Robot, name)()
-    solver, engine, poses = mq.Solver(robot), problem(robot), out_of_reach(robot, rng, 150)
+    solver, engine, poses = mq.Solver(robot), problem(robot), out_of_reach(robot, rng, few(150))
     batch = solver.solve_batch(poses)
     beyond = np.flatnonzero(batch.status == mq.Status.UNREACHABLE)
-    assert len(beyond) > 100
+    assert len(beyond) > 0.6 * len(poses)
     assert np.nanmax(batch.projected_gradient[beyond]) < 1e-6
     begin = np.array([robot.random_configuration(rng) for _ in range(20 * len(beyond))])
     ends, _ = descended(engine, rows_of(poses[beyond]), 20, begin)
@@ -100,7 +101,7 @@ def test_the_nearest_points_from_closed_form_are_as_near_as_those_of_many_starts
         others = min(cost_of(engine, robot, q, poses[i]) for q in ends[20 * k : 20 * k + 20])
         worse += own > others + 1e-6
         better += own < others - 1e-6
-    assert worse <= 0.05 * len(beyond)
+    assert worse <= 0.05 * len(beyond) + 1
     assert better >= worse
 
 

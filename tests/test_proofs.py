@@ -8,6 +8,7 @@ import pytest
 from conftest import load
 
 import maira_qp as mq
+from maira_qp.robots.landmarks import tool_points
 from maira_qp.solvers.priorities import Priorities
 from maira_qp.solvers.proofs import BoxProof, Proofs
 from maira_qp.solvers.targets import pose_of, row_of
@@ -148,3 +149,18 @@ def test_nothing_is_claimed_where_nothing_is_known():
         assert Proofs.of(Priorities.of(maira, task, (), None), mq.Options()) is None
     tree = load("baxter_arms")
     assert Proofs.of(Priorities.of(tree, None, (), None), mq.Options()) is None
+
+
+@pytest.mark.parametrize("name", ["panda", "xarm7"])
+def test_an_offset_wrist_has_a_point_that_its_last_two_joints_hardly_move(name, rng):
+    """The last not at all, the one before by less than it moves the tip."""
+    robot = load(name)
+    point = tool_points(robot)[1]
+    for _ in range(5):
+        q = robot.random_configuration(rng)
+        turned = q + np.array([0.0] * (robot.n - 2) + [1.0, 1.0])
+        moved = [robot.forward(each).act(point) for each in (q, turned)]
+        others = [robot.forward(each).translation for each in (q, turned)]
+        assert np.linalg.norm(moved[1] - moved[0]) < 0.7 * np.linalg.norm(others[1] - others[0])
+        last = turned - np.array([0.0] * (robot.n - 2) + [1.0, 0.0])  # the last joint alone
+        np.testing.assert_allclose(robot.forward(last).act(point), moved[0], atol=1e-12)

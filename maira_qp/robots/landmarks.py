@@ -13,9 +13,10 @@ from maira_qp.robots.screws import screws
 
 
 def tool_points(robot: Robot) -> np.ndarray:
-    """Points (k, 3) [m] in the axes of the tip: the tip, its foot on the last axis, and where the last axes meet.
+    """Points (k, 3) [m] in the axes of the tip, most of them on the last axis.
 
-    The robot must be a chain, `Robot.is_chain`.
+    They are the tip, its foot on the last axis, that of the axis before, which an offset wrist keeps near its centre,
+    and where the last axes meet. The robot must be a chain, `Robot.is_chain`.
     """
     origins, axes = screws(robot)
     slides, tip = robot.slides, robot.forward(np.zeros(robot.n))
@@ -23,6 +24,8 @@ def tool_points(robot: Robot) -> np.ndarray:
     found = [p]
     if not slides[-1]:
         found.append(origins[-1] + (axes[-1] @ (p - origins[-1])) * axes[-1])
+    if robot.n > 1 and not slides[-2:].any():
+        found.append(origins[-1] + foot(origins[[-1, -2]], axes[[-1, -2]]) * axes[-1])
     for count in (2, 3):  # a wrist
         if count <= robot.n and not slides[-count:].any():
             point, off = meeting(origins[-count:], axes[-count:])
