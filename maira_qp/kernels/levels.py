@@ -11,12 +11,9 @@ from __future__ import annotations
 from maira_qp.kernels.compilation import bare_kernel, inner_kernel
 from maira_qp.kernels.null_space import factor, null_vector
 from maira_qp.kernels.objective import objective_cost
-from maira_qp.kernels.pose_error import pose_error
 from maira_qp.kernels.pose_hessian import add_curvature
-from maira_qp.kernels.rotation_vector import bend_of_even_cost, bend_of_logarithm, inverse_right_jacobian
 from maira_qp.kernels.task_rows import (
     ABSENT,
-    AXES,
     COEFFICIENTS,
     COUPLING,
     GAIN,
@@ -26,15 +23,13 @@ from maira_qp.kernels.task_rows import (
     PLACEMENTS,
     POSE,
     STILL,
-    TARGET_AXES,
     TASK_DAMPING,
     WEIGHTS,
+    pose_bend,
     task_error,
     task_levers,
-    turns_evenly,
 )
 from maira_qp.kernels.tree import forward, path_jacobian, path_to, place
-from maira_qp.kernels.vectors import turned
 
 ROW_SPACE = 1e-6
 """As in `maira_qp.solvers.tick`."""
@@ -80,29 +75,42 @@ def level_model(tree, parents, tasks, places, objectives, level, work, q):
     rows of its tasks into work.rows. Returns the squared error of the tasks, and the damping that they ask for.
     """
     H, c, g, rows, ends, e = work.H[level], work.c[level], work.g, work.rows, work.ends, work.e
+    levers, pull = work.levers, work.pull
     n, squared, asked, end = len(q), 0.0, 0.0, ends[level - 1] if level > 0 else 0
     weight, own = objectives[level, WEIGHT], objectives[level, REFERENCE:]
-    H[:] = 0.0
     for i in range(n):
+        for j in range(n):
+            H[i, j] = 0.0
         g[i] = weight * own[n + i] * (q[i] - own[i])
         c[i] = objectives[level, OBJECTIVE_GAIN] * g[i]
     for t in range(len(tasks)):
         if places[t, LEVEL] != level:
             continue
-        task, row, end = tasks[t], end, add_rows(tree, parents, tasks, places, t, work, end)
-        if places[t, KIND] == STILL:
+        task, row, kind = tasks[t], end, places[t, KIND]
+        if kind == STILL:
+            end = _add_still_rows(task, rows, end)
             continue
+        if kind == COUPLING:
+            end = _add_coupling_row(task, rows, end)
+        else:
+            tools, path, J = work.tools[t], work.paths[t], work.J[t]
+            task_levers(task, places[t], tools, work.targets[t], work.pull, levers)
+            end, work.counts[t] = _add_rows(
+                tree, parents, work.poses, task, places[t], tools, levers, path, J, rows, end
+            )
         for k in range(6):
             if task[WEIGHTS + k] > 0.0:
                 r = task[WEIGHTS + k] * e[t, k]
                 for i in range(n):
-                    g[i] -= r * rows[row, i]
-                    c[i] -= task[GAIN] * r * rows[row, i]
+                    slope = r * rows[row, i]
+                    g[i] -= slope
+                    c[i] -= task[GAIN] * slope
                 row += 1
-        if places[t, KIND] == POSE:
+        if kind == POSE:
             for k in range(6):
-                work.pull[k] = -(task[WEIGHTS + k] ** 2) * e[t, k]
-            _add_bend(tasks, places, t, work, True, H)
+                pull[k] = -(task[WEIGHTS + k] ** 2) * e[t, k]
+            pose_bend(task, places[t], work.tools[t, 0], work.targets[t], True, pull, work.off, work.inverse, work.S)
+            _add_on_path(work.J[t], work.paths[t, : work.counts[t]], pull, work.S, work.C, H)
         error = _squared_error(task, e[t])
         squared, asked = squared + error, asked + task[TASK_DAMPING] * error
     ends[level] = end
@@ -110,28 +118,23 @@ def level_model(tree, parents, tasks, places, objectives, level, work, q):
 
 
 @inner_kernel
-def add_rows(tree, parents, tasks, places, t, work, end):
-    """The rows of W J of task t that count into work.rows (m, n) from number `end` on: where they end.
+def _add_rows(tree, parents, poses, task, place, tools, levers, path, J, rows, end):
+    """The rows of W J of a task of frames that count into `rows` (m, n) from number `end` on: where they end.
 
-    Of a pose the path of its frame and the Jacobian on it stay in `work`.
+    The path of its last frame and the Jacobian on it stay in path (n,) and J (n, 6); how long it is is returned too.
     """
-    task, kind, rows, levers, path, J = tasks[t], places[t, KIND], work.rows, work.levers, work.paths[t], work.J[t]
-    n = len(tree)
-    if kind in (STILL, COUPLING):
-        return _add_joint_rows(task, kind, n, rows, end)
-    task_levers(task, places[t], work.tools[t], work.targets[t], work.pull, levers)
-    last = end
+    last, count = end, 0
     for k in range(6):
         if task[WEIGHTS + k] > 0.0:
-            rows[last] = 0.0
+            for i in range(len(tree)):
+                rows[last, i] = 0.0
             last += 1
     for f in range(3):
-        joint = places[t, JOINTS + f]
+        joint = place[JOINTS + f]
         if joint == ABSENT:
             break
         count, row = path_to(parents, joint, path), end
-        work.counts[t] = count
-        path_jacobian(tree, work.poses, path, work.tools[t, f], J[:count])
+        path_jacobian(tree, poses, path, tools[f], J[:count])
         for k in range(6):
             if task[WEIGHTS + k] == 0.0:
                 continue
@@ -141,19 +144,24 @@ def add_rows(tree, parents, tasks, places, t, work, end):
                     for a in range(count):
                         rows[row, path[a]] += lever * J[a, j]
             row += 1
-    return last
+    return last, count
 
 
 @bare_kernel
-def _add_joint_rows(task, kind, n, rows, end):
-    """One row for a coupling, or one for each joint that is to stand still."""
-    if kind == COUPLING:
-        for i in range(n):
-            rows[end, i] = task[WEIGHTS + 3] * task[COEFFICIENTS + i]
-        return end + 1
-    for i in range(n):
+def _add_coupling_row(task, rows, end):
+    """The row of a coupling: where it ends."""
+    for i in range(rows.shape[1]):
+        rows[end, i] = task[WEIGHTS + 3] * task[COEFFICIENTS + i]
+    return end + 1
+
+
+@bare_kernel
+def _add_still_rows(task, rows, end):
+    """One row for each joint that is to stand still: where they end."""
+    for i in range(rows.shape[1]):
         if task[COEFFICIENTS + i] > 0.0:
-            rows[end] = 0.0
+            for j in range(rows.shape[1]):
+                rows[end, j] = 0.0
             rows[end, i] = task[COEFFICIENTS + i]
             end += 1
     return end
@@ -175,51 +183,26 @@ def add_curvature_above(tasks, places, level, work):
             pull[k] = weight * multipliers[row] if weight > 0.0 else 0.0
             row += weight > 0.0
         if places[t, KIND] == POSE:
-            _add_bend(tasks, places, t, work, False, work.H[level])
-
-
-@inner_kernel
-def _add_bend(tasks, places, t, work, of_cost, H):
-    """How the rows of task t, a pose, bend, weighted by work.pull (6,), added to H (n, n).
-
-    Rows whose turns count the same bend as the frame's pose does, others as the error. For the pull of a cost it is
-    what this bends beside Gauss-Newton's part.
-    """
-    task, pull, tool, target, e = tasks[t], work.pull, work.tools[t, 0], work.targets[t], work.off
-    inverse, S, C = work.inverse, work.S, work.C
-    path, count = work.paths[t], work.counts[t]
-    J = work.J[t, :count]
-    if places[t, AXES] == TARGET_AXES:
-        pull[0], pull[1], pull[2] = turned(target, (pull[0], pull[1], pull[2]))
-        pull[3], pull[4], pull[5] = turned(target, (pull[3], pull[4], pull[5]))
-    C[:] = 0.0
-    even = turns_evenly(task)
-    if of_cost or not even:
-        pose_error(tool, target, e)
-        phi, u = (e[3], e[4], e[5]), (pull[3], pull[4], pull[5])
-        if even:
-            bend_of_even_cost(phi, task[WEIGHTS + 3], S)
-        else:
-            inverse_right_jacobian(phi, inverse)
-            bend_of_logarithm(phi, u, inverse, S)
-            for k in range(3):
-                pull[3 + k] = inverse[0, k] * u[0] + inverse[1, k] * u[1] + inverse[2, k] * u[2]
-        _add_turns(J, S, C)
-    add_curvature(J, pull, C)
-    for a in range(count):
-        for b in range(count):
-            H[path[a], path[b]] += C[a, b]
+            tool, target = work.tools[t, 0], work.targets[t]
+            pose_bend(tasks[t], places[t], tool, target, False, pull, work.off, work.inverse, work.S)
+            _add_on_path(work.J[t], work.paths[t, : work.counts[t]], pull, work.S, work.C, work.H[level])
 
 
 @bare_kernel
-def _add_turns(J, S, C):
-    """Add `w_i . S w_j` to C (k, k), w the angular parts of J (k, 6)."""
-    for j in range(len(J)):
+def _add_on_path(J, path, pull, S, C, H):
+    """What `pose_bend` tells, of a frame with the Jacobian J (n, 6) on its path (k,), added to H (n, n). Work: C."""
+    count = len(path)
+    for j in range(count):
         x = S[0, 0] * J[j, 3] + S[0, 1] * J[j, 4] + S[0, 2] * J[j, 5]
         y = S[1, 0] * J[j, 3] + S[1, 1] * J[j, 4] + S[1, 2] * J[j, 5]
         z = S[2, 0] * J[j, 3] + S[2, 1] * J[j, 4] + S[2, 2] * J[j, 5]
-        for i in range(len(J)):
-            C[i, j] += J[i, 3] * x + J[i, 4] * y + J[i, 5] * z
+        for i in range(j + 1):
+            C[i, j] = J[i, 3] * x + J[i, 4] * y + J[i, 5] * z
+            C[j, i] = C[i, j]
+    add_curvature(J[:count], pull, C)
+    for a in range(count):
+        for b in range(count):
+            H[path[a], path[b]] += C[a, b]
 
 
 @inner_kernel
@@ -231,21 +214,19 @@ def finish_hessian(objectives, level, work):
     H, rows = work.H[level], work.rows[work.ends[level - 1] if level > 0 else 0 : work.ends[level]]
     n, weight, own = len(H), objectives[level, WEIGHT], objectives[level, REFERENCE:]
     if len(rows) > 0:
-        _leave_out_self_motion(H, rows, work)
-    for k in range(len(rows)):
-        for i in range(n):
-            slope = rows[k, i]
-            if slope != 0.0:
-                for j in range(n):
-                    H[i, j] += slope * rows[k, j]
+        _leave_out_self_motion(H, rows, work.F, work.tau, work.order, work.z, work.y)
     for i in range(n):
+        for j in range(i + 1):
+            s = H[i, j]
+            for k in range(len(rows)):
+                s += rows[k, i] * rows[k, j]
+            H[i, j], H[j, i] = s, s
         H[i, i] += weight * own[n + i]
 
 
 @inner_kernel
-def _leave_out_self_motion(H, rows, work):
-    """Take out of H (n, n) what bends along the null space of the rows (m, n)."""
-    F, tau, order, z, Hz = work.F, work.tau, work.order, work.z, work.y
+def _leave_out_self_motion(H, rows, F, tau, order, z, Hz):
+    """Take out of H (n, n) what bends along the null space of the rows (m, n). Work: F, tau, order, z and Hz (n,)."""
     n, m = len(H), len(rows)
     for i in range(n):
         for k in range(m):

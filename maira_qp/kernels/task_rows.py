@@ -14,7 +14,7 @@ import math
 
 from maira_qp.kernels.compilation import bare_kernel
 from maira_qp.kernels.pose_error import pose_error
-from maira_qp.kernels.rotation_vector import inverse_right_jacobian
+from maira_qp.kernels.rotation_vector import bend_of_even_cost, bend_of_logarithm, inverse_right_jacobian
 from maira_qp.kernels.vectors import (
     across_most,
     cross,
@@ -52,11 +52,12 @@ SMALL = 1e-9
 def task_error(task, place, tools, target, q, e):
     """The error of a task at q (n,) into e (6,), from the poses of its frames, tools (3, 12), and its target (12,)."""
     kind = place[KIND]
-    for k in range(6):
-        e[k] = 0.0
     if kind == POSE:
         _frame_error(task, place, tools[0], target, e)
-    elif kind in (AXIS_ALONG, AXIS_AT):
+        return
+    for k in range(6):
+        e[k] = 0.0
+    if kind in (AXIS_ALONG, AXIS_AT):
         _direction_error(task, kind, tools[0], target, e)
     elif kind == RELATIVE:
         seen_from(tools[1], tools[0], tools[2])
@@ -155,7 +156,10 @@ def task_levers(task, place, tools, target, e, levers):
     Where the angular rows of a pose count the same, its levers are those of the pose itself: the gradient is the same.
     """
     kind = place[KIND]
-    levers[:] = 0.0
+    for f in range(3):
+        for k in range(6):
+            for j in range(6):
+                levers[f, k, j] = 0.0
     if kind == POSE:
         _frame_lever(task, place, tools[0], target, e, levers[0])
     elif kind in (AXIS_ALONG, AXIS_AT):
@@ -167,7 +171,34 @@ def task_levers(task, place, tools, target, e, levers):
 
 
 @bare_kernel
-def turns_evenly(task):
+def pose_bend(task, place, tool, target, of_cost, pull, e, inverse, S):
+    """How the rows of a pose bend, weighted by pull (6,): as its frame weighted by what becomes of pull, and S (3, 3).
+
+    S is what two turns of the frame add. Rows whose turns count the same bend as the frame's pose does, others as the
+    error. For the pull of a cost it is what this bends beside Gauss-Newton's part. Work: e (6,), inverse (3, 3).
+    """
+    if place[AXES] == TARGET_AXES:
+        pull[0], pull[1], pull[2] = turned(target, (pull[0], pull[1], pull[2]))
+        pull[3], pull[4], pull[5] = turned(target, (pull[3], pull[4], pull[5]))
+    even = _turns_evenly(task)
+    if even and not of_cost:
+        for i in range(3):
+            for j in range(3):
+                S[i, j] = 0.0
+        return
+    pose_error(tool, target, e)
+    phi, u = (e[3], e[4], e[5]), (pull[3], pull[4], pull[5])
+    if even:
+        bend_of_even_cost(phi, task[WEIGHTS + 3], S)
+        return
+    inverse_right_jacobian(phi, inverse)
+    bend_of_logarithm(phi, u, inverse, S)
+    for k in range(3):
+        pull[3 + k] = inverse[0, k] * u[0] + inverse[1, k] * u[1] + inverse[2, k] * u[2]
+
+
+@bare_kernel
+def _turns_evenly(task):
     """The angular rows of a pose count the same each."""
     return task[WEIGHTS + 3] == task[WEIGHTS + 4] == task[WEIGHTS + 5]
 
@@ -175,7 +206,7 @@ def turns_evenly(task):
 @bare_kernel
 def _frame_lever(task, place, tool, target, e, lever):
     angular = lever[3:, 3:]
-    if turns_evenly(task):
+    if _turns_evenly(task):
         for k in range(3):
             angular[k, k] = 1.0
     else:
