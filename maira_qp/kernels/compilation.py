@@ -9,37 +9,47 @@ from typing import Any
 import numpy as np
 from numba import config, njit
 
+from maira_qp.kernels.parts import PartCompiler
+
+OPTIONS = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
+
 
 def kernel(function: Callable) -> Any:
     """Compile a function with Numba, kept on disk where there is a folder to write to.
 
     Division follows IEEE 754; of the fast-math flags only contraction to fused multiply-add is on, so NaN stays NaN.
+    Where other kernels call it, it is a part of them, compiled with them: see `maira_qp.kernels.parts`.
     """
-    return _compiled(function)
+    return _entry(function)
 
 
 def bare_kernel(function: Callable) -> Any:
     """The same for a function that makes no array: it then counts no references, which costs as much as the work."""
-    return _compiled(function, _nrt=False)
+    return _entry(function, _nrt=False)
 
 
 def inner_kernel(function: Callable) -> Any:
-    """A bare kernel that other kernels alone call, as they do all whose names begin with an underscore.
-
-    It has no entry from Python, which for many or large arguments takes as long to compile as the kernel.
-    """
-    return _compiled(function, _nrt=False, no_cpython_wrapper=True)
+    """A bare kernel that other kernels alone call, as they do all whose names begin with an underscore."""
+    return _silent(function) if config.DISABLE_JIT else _part(function, _nrt=False)
 
 
-def _compiled(function: Callable, **options: Any) -> Any:
+def _entry(function: Callable, **options: Any) -> Any:
+    """What Python calls, and what takes its place in other kernels; compiled when it is first called, there or here."""
     if config.DISABLE_JIT:
         return _silent(function)
-    options.setdefault("no_cpython_wrapper", function.__name__.startswith("_"))
-    options |= {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
+    part = _part(function, **options)
+    if function.__name__.startswith("_"):
+        return part
     try:
-        return njit(cache=True, **options)(function)
+        entry = njit(cache=True, **OPTIONS, **options)(function)
     except RuntimeError:  # no folder for the cache: a read-only package and no home
-        return njit(**options)(function)
+        entry = njit(**OPTIONS, **options)(function)
+    entry.get_call_template, entry.get_overload = part.get_call_template, part.get_overload
+    return entry
+
+
+def _part(function: Callable, **options: Any) -> Any:
+    return njit(pipeline_class=PartCompiler, no_cpython_wrapper=True, **OPTIONS, **options)(function)
 
 
 def _silent(function: Callable) -> Callable:

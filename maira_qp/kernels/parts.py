@@ -1,0 +1,62 @@
+"""Kernels as parts of others: LLVM sees them once for each kernel that is called from Python, and not at every level.
+
+By itself Numba optimises and translates every function as soon as it knows its types, and all over again what the
+function calls, with everything that these call in turn: of kernels nested ten deep, ten times. A part is left as it was
+lowered, and taken in as such by its callers; none of its code runs by itself, so nothing else is made of it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import LoweringPass, register_pass
+from numba.core.typed_passes import IRLegalization
+
+
+class PartCompiler(CompilerBase):
+    """Numba's compiler, whose results are parts: the `pipeline_class` of `numba.njit`."""
+
+    def define_pipelines(self) -> list[Any]:
+        """The passes of a function without Python objects, into a library of its own kind."""
+        pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        pipeline.add_pass_after(_OpenLibrary, IRLegalization)
+        pipeline.finalize()
+        return [pipeline]
+
+
+@register_pass(mutates_CFG=False, analysis_only=False)
+class _OpenLibrary(LoweringPass):
+    """Open the library that the kernel is lowered into."""
+
+    _name = "open_library_of_part"
+
+    def __init__(self) -> None:
+        LoweringPass.__init__(self)
+
+    def run_pass(self, state: Any) -> bool:
+        state.library = _Library(state.targetctx.codegen(), state.func_id.func_qualname)
+        return False
+
+
+class _Library(JITCodeLibrary):
+    """Code that is linked into other libraries, and loaded as part of these alone."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    @property
+    def codegen(self) -> _NotLoaded:
+        return _NotLoaded()
+
+
+class _NotLoaded:
+    """In place of the engine that would hold the code."""
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """Code that does not run has no environment."""
