@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numba import config, njit
 
-from maira_qp.kernels.parts import PartCompiler
+from maira_qp.kernels.parts import part
 
-OPTIONS = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
+OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
 
 
 def kernel(function: Callable) -> Any:
@@ -20,36 +20,32 @@ def kernel(function: Callable) -> Any:
     Division follows IEEE 754; of the fast-math flags only contraction to fused multiply-add is on, so NaN stays NaN.
     Where other kernels call it, it is a part of them, compiled with them: see `maira_qp.kernels.parts`.
     """
-    return _entry(function)
+    return _compiled(function)
 
 
 def bare_kernel(function: Callable) -> Any:
     """The same for a function that makes no array: it then counts no references, which costs as much as the work."""
-    return _entry(function, _nrt=False)
+    return _compiled(function, _nrt=False)
 
 
 def inner_kernel(function: Callable) -> Any:
     """A bare kernel that other kernels alone call, as they do all whose names begin with an underscore."""
-    return _silent(function) if config.DISABLE_JIT else _part(function, _nrt=False)
+    return _silent(function) if config.DISABLE_JIT else part(function, OPTIONS | {"_nrt": False})
 
 
-def _entry(function: Callable, **options: Any) -> Any:
-    """What Python calls, and what takes its place in other kernels; compiled when it is first called, there or here."""
+def _compiled(function: Callable, **options: Any) -> Any:
+    """What Python calls, and what takes its place in other kernels; each is compiled when it is first called."""
     if config.DISABLE_JIT:
         return _silent(function)
-    part = _part(function, **options)
+    inner = part(function, OPTIONS | options)
     if function.__name__.startswith("_"):
-        return part
+        return inner
     try:
-        entry = njit(cache=True, **OPTIONS, **options)(function)
+        entry: Any = njit(**OPTIONS, **options, cache=True)(function)
     except RuntimeError:  # no folder for the cache: a read-only package and no home
         entry = njit(**OPTIONS, **options)(function)
-    entry.get_call_template, entry.get_overload = part.get_call_template, part.get_overload
+    entry.get_call_template, entry.get_overload = inner.get_call_template, inner.get_overload
     return entry
-
-
-def _part(function: Callable, **options: Any) -> Any:
-    return njit(pipeline_class=PartCompiler, no_cpython_wrapper=True, **OPTIONS, **options)(function)
 
 
 def _silent(function: Callable) -> Callable:

@@ -7,19 +7,32 @@ lowered, and taken in as such by its callers; none of its code runs by itself, s
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
+from numba import njit, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.typed_passes import IRLegalization
 
 
-class PartCompiler(CompilerBase):
-    """Numba's compiler, whose results are parts: the `pipeline_class` of `numba.njit`."""
+def part(function: Callable, options: dict[str, Any]) -> Any:
+    """A function for others to call, with options of `numba.njit`: compiled once for arguments of a type, not a value.
+
+    Numba takes a constant for a type of its own.
+    """
+    dispatcher: Any = njit(**options | {"pipeline_class": _PartCompiler, "no_cpython_wrapper": True})(function)
+    find = dispatcher.get_call_template
+    dispatcher.get_call_template = lambda args, kws: find(tuple(map(types.unliteral, args)), kws)
+    return dispatcher
+
+
+class _PartCompiler(CompilerBase):
+    """Numba's compiler, with libraries of another kind."""
 
     def define_pipelines(self) -> list[Any]:
-        """The passes of a function without Python objects, into a library of its own kind."""
+        """The passes of a function without Python objects."""
         pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
         pipeline.add_pass_after(_OpenLibrary, IRLegalization)
         pipeline.finalize()
@@ -35,7 +48,7 @@ class _OpenLibrary(LoweringPass):
     def __init__(self) -> None:
         LoweringPass.__init__(self)
 
-    def run_pass(self, state: Any) -> bool:
+    def run_pass(self, state: Any) -> bool:  # type: ignore[override]
         state.library = _Library(state.targetctx.codegen(), state.func_id.func_qualname)
         return False
 
@@ -51,7 +64,7 @@ class _Library(JITCodeLibrary):
         self._finalized = True
 
     @property
-    def codegen(self) -> _NotLoaded:
+    def codegen(self) -> Any:
         return _NotLoaded()
 
 
