@@ -11,11 +11,13 @@ from test_kernels_settling import STATIONARY, Problem, reached_starts
 import maira_qp as mq
 from maira_qp.kernels.lane_walk import (
     FIRST_DAMPING,
+    ITERATIONS,
     LEAST_DAMPING,
     LESS_DAMPING,
     MORE_DAMPING,
     MOST_CHANGE,
     MOST_STEPS,
+    OUTCOME,
     PENALTY,
     SMALL_WEIGHT,
     make_walks,
@@ -28,11 +30,11 @@ from maira_qp.solvers.settling import FIRST_RADIUS, LEAST_RADIUS, RESOLUTION, RE
 
 def walks(problem: Problem, rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """q (N, n) and steps (N,) of the kernel."""
-    arrays, q, steps = problem.arrays, starts.copy(), np.full(len(rows), -1)
+    arrays, q, outcome = problem.arrays, starts.copy(), np.full((len(rows), OUTCOME), np.nan)
     own = (problem.reference, problem.weights, arrays.settling)
     work = make_walks(starts.shape[1]), np.empty(LANES, np.int64)
-    walk_in_lanes(arrays.chain, arrays.settings, rows, *own, *work, q, steps)
-    return q, steps
+    walk_in_lanes(arrays.chain, arrays.settings, rows, *own, *work, q, outcome)
+    return q, outcome[:, ITERATIONS]
 
 
 class PlainWalk:

@@ -50,8 +50,8 @@ PACKAGES = {"proxqp": "proxsuite"}
 SOLVED = 1e-6
 """A QP is solved if no entry of x is further off."""
 FIRST = {
-    "search.search": "the first solve compiles for some 20 seconds",
-    "settling.settle": "the first with a redundancy for more than a minute",
+    "search.search": "the first solve compiles for some 10 seconds",
+    "lane_walk.settle_in_lanes": "the first with a redundancy for some 10 more",
 }
 """What is to be expected where a kernel has not been compiled yet."""
 AT_POSE = 2e-6

@@ -12,19 +12,29 @@ with the gradient g of f and the exact Hessian B of the Lagrangian. The weight i
 were a constraint, but the QP has a solution at a singularity too. mu is 0 where the matrix is positive without it. A
 step counts if the augmented Lagrangian falls, or what is left of the gradient of the Lagrangian does by half.
 
-It takes no factorisation of the rows, no basis of their null space and no rank, whatever the number of joints: what
-few walks do not converge are left to `maira_qp.kernels.settling`.
+It takes no factorisation of the rows, no basis of their null space and no rank, whatever the number of joints. And by
+its multipliers a walk proves the optimum that it ends at: the gradient of the Lagrangian bounds what the limits and the
+pose leave free of that of f. What few walks prove none are left to `maira_qp.kernels.settling`.
 """
 
 from __future__ import annotations
 
+import math
 from collections import namedtuple
 
 import numpy as np
 
 from maira_qp.kernels.chain import LOWER, UPPER, jacobian
 from maira_qp.kernels.compilation import bare_kernel, kernel
-from maira_qp.kernels.descent import is_reached, pose_cost, quadratic_model
+from maira_qp.kernels.descent import (
+    ORIENTATION_TOLERANCE,
+    ORIENTATION_WEIGHT,
+    POSITION_TOLERANCE,
+    POSITION_WEIGHT,
+    is_reached,
+    pose_cost,
+    quadratic_model,
+)
 from maira_qp.kernels.lane_qp import solve_box_qps
 from maira_qp.kernels.lanes import LANES, full, least, load, load2, most, select, size, store, store2
 from maira_qp.kernels.objective import objective_cost
@@ -34,6 +44,13 @@ from maira_qp.kernels.trade_off import GRADIENT_SCALE
 # the entries of `settling`
 MAX_SETTLING, STATIONARITY_TOLERANCE = 0, 1
 FIRST_RADIUS, LEAST_RADIUS, RESTORING, RESTORED, RESOLUTION = 2, 3, 4, 5, 6
+
+# the entries of `outcome`
+REACHED, ITERATIONS, PROJECTED_GRADIENT, OBJECTIVE, POSITION_ERROR, ORIENTATION_ERROR = 0, 1, 2, 3, 4, 5
+OUTCOME = 6
+
+ON_LIMIT = 1e-12
+"""A step that ends as near to a limit [rad or m] ends on it."""
 
 MOST_STEPS = 30
 """A walk that has not converged by then hardly will."""
@@ -52,7 +69,7 @@ FIRST_DAMPING, MORE_DAMPING, LESS_DAMPING, LEAST_DAMPING = 1.0, 4.0, 0.1, 0.1
 it is 0."""
 
 # the rows of `state`, a number a lane; of the last three 1.0 says yes and 0.0 no
-COST, OBJECTIVE, LEFT, RADIUS, FACTOR, STEPS = 0, 1, 2, 3, 4, 5
+COST, VALUE, LEFT, RADIUS, FACTOR, STEPS = 0, 1, 2, 3, 4, 5
 STARTING, ENDED, CONVERGED = 6, 7, 8
 STATE = 9
 
@@ -106,12 +123,21 @@ def make_walks(n):
     )
 
 
+@kernel
+def settle_in_lanes(chain, settings, targets, reference, weights, settling, q, outcome):
+    """`walk_in_lanes` with memory of its own."""
+    walks, lane_of = make_walks(q.shape[1]), np.empty(LANES, np.int64)
+    walk_in_lanes(chain, settings, targets, reference, weights, settling, walks, lane_of, q, outcome)
+
+
 @bare_kernel
-def walk_in_lanes(chain, settings, targets, reference, weights, settling, walks, lane_of, q, steps):
+def walk_in_lanes(chain, settings, targets, reference, weights, settling, walks, lane_of, q, outcome):
     """From configurations q (N, n) to the optimum of the objective near each, in place, where a walk converges.
 
-    The others stay as they are, and so do those that do not reach the targets (N, 12). `steps` (N,) of int64 becomes
-    how many were taken. Work: `walks` and, of int64, lane_of (LANES,).
+    The others stay as they are, and so do those that do not reach the targets (N, 12). `outcome` (N, 6) becomes
+    [reached, steps, bound of the projected gradient, objective, position error, orientation error] where the bound
+    proves an optimum that reaches its target; elsewhere [0, steps, infinity, and no numbers]. Work: `walks` and, of
+    int64, lane_of (LANES,).
     """
     n, opened, state = q.shape[1], 0, walks.state
     for lane in range(LANES):
@@ -122,9 +148,9 @@ def walk_in_lanes(chain, settings, targets, reference, weights, settling, walks,
             if state[ENDED, lane] > 0.0:
                 k = lane_of[lane]
                 if k >= 0:
-                    steps[k] = int(state[STEPS, lane])
                     for i in range(n):
                         q[k, i] = walks.q[i, lane] if state[CONVERGED, lane] > 0.0 else q[k, i]
+                    _tell(chain, settings, settling, walks, lane, outcome[k])
                 lane_of[lane] = opened if opened < len(q) else -1
                 if opened < len(q):
                     _begin(walks, lane, targets[opened], q[opened], settling)
@@ -133,6 +159,33 @@ def walk_in_lanes(chain, settings, targets, reference, weights, settling, walks,
         if not busy:
             break
         _advance(chain, settings, reference, weights, settling, walks)
+
+
+@bare_kernel
+def _tell(chain, settings, settling, walks, lane, outcome):
+    """The outcome (6,) of a walk that has ended in a lane.
+
+    With the entries s of the Lagrangian's gradient, but for those that push a joint against the limit it is on, the
+    steepest direction that the limits and the pose leave free is no steeper than |s|: on it, the gradient of the
+    objective is the Lagrangian's, and those entries do not help.
+    """
+    q, slope, e, position, turn, square = walks.q, walks.slope, walks.e, 0.0, 0.0, 0.0
+    for row in range(3):
+        position += e[row, lane] * e[row, lane] if settings[POSITION_WEIGHT] > 0.0 else 0.0
+        turn += e[3 + row, lane] * e[3 + row, lane] if settings[ORIENTATION_WEIGHT] > 0.0 else 0.0
+    position, turn = math.sqrt(position), math.sqrt(turn)
+    for i in range(len(q)):
+        s, now = slope[i, lane], q[i, lane]
+        held = now <= chain[i, LOWER] if s > 0.0 else now >= chain[i, UPPER]
+        square += 0.0 if held else s * s
+    bound = math.sqrt(square)
+    reached = position <= settings[POSITION_TOLERANCE] and turn <= settings[ORIENTATION_TOLERANCE]
+    proved = walks.state[CONVERGED, lane] > 0.0 and reached and bound <= settling[STATIONARITY_TOLERANCE]
+    outcome[REACHED], outcome[ITERATIONS] = proved, walks.state[STEPS, lane]
+    outcome[PROJECTED_GRADIENT] = bound if proved else np.inf
+    outcome[OBJECTIVE] = walks.state[VALUE, lane] if proved else np.nan
+    outcome[POSITION_ERROR] = position if proved else np.nan
+    outcome[ORIENTATION_ERROR] = turn if proved else np.nan
 
 
 @bare_kernel
@@ -176,7 +229,7 @@ def _advance(chain, settings, reference, weights, settling, walks):
     converged = taken & (left <= 0.5 * settling[STATIONARITY_TOLERANCE]) & (cost <= settling[RESTORED])
     ended = converged | (steps >= least(settling[MAX_SETTLING], MOST_STEPS)) | (radius < settling[LEAST_RADIUS])
     store(state, COST, cost)
-    store(state, OBJECTIVE, select(taken, value, load(state, OBJECTIVE)))
+    store(state, VALUE, select(taken, value, load(state, VALUE)))
     store(state, LEFT, left)
     store(state, RADIUS, radius)
     store(state, FACTOR, select(factor < LEAST_DAMPING, 0.0, factor))
@@ -212,7 +265,9 @@ def _propose(chain, settings, scale, walks):
     longest, change = full(q, 0.0), full(q, 0.0)
     for i in range(len(q)):
         now = load(q, i)
-        there = least(most(now + load(dq, i), chain[i, LOWER]), chain[i, UPPER])
+        low, high = chain[i, LOWER], chain[i, UPPER]
+        there = least(most(now + load(dq, i), low), high)
+        there = select(there - low <= ON_LIMIT, low, select(high - there <= ON_LIMIT, high, there))
         longest = most(longest, size(there - now))
         store(ahead, i, select(starting, load(ahead, i), there))
     for row in range(6):
@@ -249,13 +304,13 @@ def _lagrangian_gradient(chain, settings, reference, weights, walks):
 def _augmented_lagrangian_fell(settings, settling, scale, cost, value, walks):
     """Whether `f - y^T W e + penalty/2 |W e|^2` is lower ahead than at q, with the multipliers y ahead."""
     state, ahead_y, weighted, largest = walks.state, walks.ahead_y, walks.weighted, full(walks.q, 0.0)
-    gain = load(state, OBJECTIVE) - value
+    gain = load(state, VALUE) - value
     weigh(settings, ahead_y, weighted)
     for row in range(6):
         gain = gain - load(weighted, row) * (load(walks.e, row) - load(walks.ahead_e, row))
         largest = most(largest, size(load(ahead_y, row)))
     gain = gain + PENALTY * (scale + largest) * (load(state, COST) - cost)
-    return gain > -settling[RESOLUTION] * (scale + size(load(state, OBJECTIVE)) + largest)
+    return gain > -settling[RESOLUTION] * (scale + size(load(state, VALUE)) + largest)
 
 
 @bare_kernel

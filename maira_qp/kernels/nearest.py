@@ -5,25 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.compilation import kernel
-from maira_qp.kernels.descent import (
-    ORIENTATION_WEIGHT,
-    POSITION_WEIGHT,
-    is_reached,
-    lanes_memory,
-    pose_cost,
-    squares,
-)
+from maira_qp.kernels.descent import lanes_memory, pose_cost
 from maira_qp.kernels.lane_newton import newton_in_lanes
 from maira_qp.kernels.lanes import LANES
-from maira_qp.kernels.objective import objective_cost
-from maira_qp.kernels.settling import (
-    ITERATIONS,
-    OBJECTIVE,
-    ORIENTATION_ERROR,
-    POSITION_ERROR,
-    PROJECTED_GRADIENT,
-    REACHED,
-)
+from maira_qp.kernels.settling import tell
 from maira_qp.kernels.trade_off import trade_off
 from maira_qp.kernels.workspace import make_workspace
 
@@ -48,8 +33,4 @@ def nearest_points(chain, settings, targets, reference, weights, tolerance, most
         else:
             more, left[k] = trade_off(chain, settings, targets[k], nothing, nothing, 0.0, tolerance, most, work, q[k])
             steps[k] += more
-        position, orientation = squares(work.e)
-        outcome[k, REACHED], outcome[k, ITERATIONS] = is_reached(settings, work.e), steps[k]
-        outcome[k, PROJECTED_GRADIENT], outcome[k, OBJECTIVE] = left[k], objective_cost(q[k], reference, weights)
-        outcome[k, POSITION_ERROR] = np.sqrt(position) if settings[POSITION_WEIGHT] > 0.0 else 0.0
-        outcome[k, ORIENTATION_ERROR] = np.sqrt(orientation) if settings[ORIENTATION_WEIGHT] > 0.0 else 0.0
+        tell(settings, reference, weights, work.e, steps[k], left[k], q[k], outcome[k])

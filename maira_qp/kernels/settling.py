@@ -1,13 +1,12 @@
 """Settle the redundancy once the pose is reached: the compiled form of `maira_qp.solvers.settling`.
 
-For one objective `1/2 sum_i w_i (q_i - ref_i)^2` (`Posture`, `LimitDistance`). Nearly all targets are first brought to
-their optimum by `lane_walk`, eight at a time. The walk here, which is that of `maira_qp.solvers.settling` and explained
-there, looks at each of them alone: where one is settled it says so by its projected gradient, and the others it takes
-from where the search left them: a Newton step in the null space of the pose, with the Lagrangian's Hessian, inside the
-limits and a trust region; back onto the pose; the step counts if the objective fell. It differs in two things. On the
-way a step brings the arm back only so far that what is left is within the tolerances, and small against the step's own
-error, and all the way at the end. And where the Hessian is indefinite and limits hold the arm, the step is one within
-these limits.
+For one objective `1/2 sum_i w_i (q_i - ref_i)^2` (`Posture`, `LimitDistance`). Nearly all targets are brought to their
+optimum by `lane_walk`, eight at a time. The others the walk here, which is that of `maira_qp.solvers.settling` and
+explained there, takes alone from where the search left them: a Newton step in the null space of the pose, with the
+Lagrangian's Hessian, inside the limits and a trust region; back onto the pose; the step counts if the objective fell.
+It differs in two things. On the way a step brings the arm back only so far that what is left is within the tolerances,
+and small against the step's own error, and all the way at the end. And where the Hessian is indefinite and limits hold
+the arm, the step is one within these limits.
 """
 
 from __future__ import annotations
@@ -27,16 +26,21 @@ from maira_qp.kernels.descent import (
 )
 from maira_qp.kernels.lane_walk import (
     FIRST_RADIUS,
+    ITERATIONS,
     LEAST_RADIUS,
     MAX_SETTLING,
+    OBJECTIVE,
+    ON_LIMIT,
+    ORIENTATION_ERROR,
+    POSITION_ERROR,
+    PROJECTED_GRADIENT,
+    REACHED,
     RESOLUTION,
     RESTORED,
     RESTORING,
     STATIONARITY_TOLERANCE,
-    make_walks,
-    walk_in_lanes,
+    settle_in_lanes,
 )
-from maira_qp.kernels.lanes import LANES
 from maira_qp.kernels.null_space import balance, null_basis, reduce
 from maira_qp.kernels.objective import objective_cost
 from maira_qp.kernels.pose_hessian import add_curvature, weigh
@@ -46,48 +50,66 @@ from maira_qp.kernels.row_qp import solve_row_qp
 from maira_qp.kernels.trade_off import GRADIENT_SCALE, trade_off
 from maira_qp.kernels.workspace import make_workspace
 
-# the entries of `outcome`
-REACHED, ITERATIONS, PROJECTED_GRADIENT, OBJECTIVE, POSITION_ERROR, ORIENTATION_ERROR = 0, 1, 2, 3, 4, 5
-OUTCOME = 6
-
 NEAR_ENOUGH = 0.03
 """On the way the weighted pose error may be this share of the step's square [1/rad], within the tolerances."""
 
 MULTIPLIER_THRESHOLD = 1e-6
 """Pivots below this share of the first make no multipliers: near a singularity they would be without bound."""
 
-ON_LIMIT = 1e-12
-"""A step that ends as near to a limit [rad or m] ends on it."""
 
-
-@kernel
 def settle(chain, settings, targets, reference, weights, weight, settling, q, outcome):
     """From configurations q (N, n) that reach the targets (N, 12) to the optimum of the redundancy near each, in place.
 
     `weight` 0 is `Strict`, any other that of `Weighted`. q stays inside the limits to the bit. `outcome` (N, 6) becomes
-    [reached, iterations, projected gradient, objective, position error, orientation error], by a fresh evaluation of q;
-    where q does not reach the pose to begin with, it is left as it is, with an infinite gradient.
+    [reached, iterations, projected gradient, objective, position error, orientation error]; where `lane_walk` has
+    proved an optimum, the gradient is the bound it found. Where q does not reach the pose to begin with, it is left as
+    it is, with an infinite gradient.
+
+    Not a kernel, but three of them, so that those that few targets need are compiled when one does.
     """
-    work, walks, lane_of = make_workspace(q.shape[1]), make_walks(q.shape[1]), np.empty(LANES, np.int64)
-    steps = np.empty(len(q), np.int64)
-    walk_in_lanes(chain, settings, targets, reference, weights, settling, walks, lane_of, q, steps)
+    settle_in_lanes(chain, settings, targets, reference, weights, settling, q, outcome)
+    left = np.flatnonzero(outcome[:, PROJECTED_GRADIENT] == np.inf)
+    if len(left):
+        some, told = q[left], outcome[left]
+        settle_alone(chain, settings, targets[left], reference, weights, settling, some, told)
+        q[left], outcome[left] = some, told
+    if weight != 0.0:
+        trade_off_each(chain, settings, targets, reference, weights, weight, settling, q, outcome)
+
+
+@kernel
+def settle_alone(chain, settings, targets, reference, weights, settling, q, outcome):
+    """Settle q (N, n) one by one, see `settle`; the iterations are added to those of `outcome` (N, 6)."""
+    work = make_workspace(q.shape[1])
     for k in range(len(q)):
-        spent, left = steps[k], np.inf
+        spent, left = 0, np.inf
         cost = pose_cost(chain, settings, targets[k], q[k], work.axes, work.origins, work.tool, work.e)
         if is_reached(settings, work.e):
-            more, left = walk(chain, settings, targets[k], reference, weights, settling, cost, work, q[k])
-            spent += more
-            if weight != 0.0:
-                tolerance, most = settling[STATIONARITY_TOLERANCE] * min(1.0, weight), settling[MAX_SETTLING]
-                more, left = trade_off(
-                    chain, settings, targets[k], reference, weights, weight, tolerance, most, work, q[k]
-                )
-                spent += more
-        position, orientation = squares(work.e)
-        outcome[k, REACHED], outcome[k, ITERATIONS] = is_reached(settings, work.e), spent
-        outcome[k, PROJECTED_GRADIENT], outcome[k, OBJECTIVE] = left, objective_cost(q[k], reference, weights)
-        outcome[k, POSITION_ERROR] = np.sqrt(position) if settings[POSITION_WEIGHT] > 0.0 else 0.0
-        outcome[k, ORIENTATION_ERROR] = np.sqrt(orientation) if settings[ORIENTATION_WEIGHT] > 0.0 else 0.0
+            spent, left = walk(chain, settings, targets[k], reference, weights, settling, cost, work, q[k])
+        tell(settings, reference, weights, work.e, outcome[k, ITERATIONS] + spent, left, q[k], outcome[k])
+
+
+@kernel
+def trade_off_each(chain, settings, targets, reference, weights, weight, settling, q, outcome):
+    """From the optima q (N, n) of `Strict`, where they reach the targets, to those of `Weighted`, see `settle`."""
+    work = make_workspace(q.shape[1])
+    tolerance, most = settling[STATIONARITY_TOLERANCE] * min(1.0, weight), settling[MAX_SETTLING]
+    for k in range(len(q)):
+        if outcome[k, REACHED] > 0.0:
+            spent, left = trade_off(
+                chain, settings, targets[k], reference, weights, weight, tolerance, most, work, q[k]
+            )
+            tell(settings, reference, weights, work.e, outcome[k, ITERATIONS] + spent, left, q[k], outcome[k])
+
+
+@bare_kernel
+def tell(settings, reference, weights, e, iterations, left, q, outcome):
+    """The outcome (6,) at q (n,) with the error e (6,) and a projected gradient of which so much is left."""
+    position, orientation = squares(e)
+    outcome[REACHED], outcome[ITERATIONS] = is_reached(settings, e), iterations
+    outcome[PROJECTED_GRADIENT], outcome[OBJECTIVE] = left, objective_cost(q, reference, weights)
+    outcome[POSITION_ERROR] = np.sqrt(position) if settings[POSITION_WEIGHT] > 0.0 else 0.0
+    outcome[ORIENTATION_ERROR] = np.sqrt(orientation) if settings[ORIENTATION_WEIGHT] > 0.0 else 0.0
 
 
 @bare_kernel

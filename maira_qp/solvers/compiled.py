@@ -23,6 +23,8 @@ from maira_qp.kernels.descent import (
     POSITION_TOLERANCE,
     STALL_RATIO,
 )
+from maira_qp.kernels.lane_walk import MAX_SETTLING, PROJECTED_GRADIENT, REACHED, STATIONARITY_TOLERANCE
+from maira_qp.kernels.lane_walk import OUTCOME as SETTLED
 from maira_qp.kernels.lanes import LANES
 from maira_qp.kernels.nearest import nearest_points
 from maira_qp.kernels.nearest_in_closed_form import nearest_in_closed_form
@@ -39,8 +41,7 @@ from maira_qp.kernels.search import (
     memory_sizes,
     search,
 )
-from maira_qp.kernels.settling import MAX_SETTLING, PROJECTED_GRADIENT, REACHED, STATIONARITY_TOLERANCE, settle
-from maira_qp.kernels.settling import OUTCOME as SETTLED
+from maira_qp.kernels.settling import settle
 from maira_qp.kernels.starts import FEATURES, fill_library
 from maira_qp.orientation import ORTHONORMAL_WITHIN
 from maira_qp.problem.objectives import LimitDistance, Posture
