@@ -19,6 +19,7 @@ from maira_qp.kernels.lane_walk import (
     MOST_STEPS,
     OUTCOME,
     PENALTY,
+    PROJECTED_GRADIENT,
     SMALL_WEIGHT,
     make_walks,
     walk_in_lanes,
@@ -144,6 +145,19 @@ def test_nearly_all_walks_converge_and_soon_and_then_to_an_optimum(name, rng):
         assert (
             problem.total(rows[k], q[k]) <= problem.total(rows[k], starts[k]) + 1e-2
         )  # the start may use its tolerance
+
+
+@pytest.mark.parametrize("name", ["maira", "tiago"])
+def test_what_a_walk_tells_bounds_what_is_left_of_the_gradient(name, rng):
+    """With a coarse tolerance, so that something is left."""
+    problem, some = Problem(arm(name), Strict(mq.Posture()), stationarity_tolerance=0.1), 0
+    rows, starts = reached_starts(problem.robot, rng, few(60))
+    q, outcome = problem.settle_all(rows, starts)
+    for row, end, bound in zip(rows, q, outcome[:, PROJECTED_GRADIENT], strict=True):
+        left = problem.left(row, end)
+        assert left <= 1.001 * bound + 1e-13
+        some += left > 1e-12
+    assert some > 0
 
 
 def test_what_is_off_the_target_or_no_number_stays_and_disturbs_nobody(maira, rng):
