@@ -77,6 +77,11 @@ def tasks_by_kind(robot: mq.Robot, rng) -> dict[str, dict]:
             mq.OrientationTask(frame=tip),
             mq.AxisTask(frame=other),
         ],
+        "equality below": [
+            position,
+            mq.AxisTask(frame=tip, direction=direction, priority=2, equality=True),
+            mq.PoseTask(frame=other, priority=2),
+        ],
     }
     problems = {label: {"task": task, "redundancy": STRICT} for label, task in tasks.items()}
     mixed = [mq.PoseTask(frame=tip, orientation_weight=[1, 0.2, 0]), mq.AxisTask(frame=tip, direction=direction)]

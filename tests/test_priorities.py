@@ -172,6 +172,25 @@ def test_an_equality_holds_exactly_while_the_arm_moves(maira):
     assert t.position_error < 1e-6
 
 
+@pytest.mark.parametrize("backend", ["compiled", "daqp"])
+def test_an_equality_goes_before_the_others_of_its_priority_at_any_level(maira, backend):
+    """Two that contradict each other, below a position: the equality is met, or, without one, neither."""
+    left = []
+    for equality in (True, False):
+        wishes = [
+            mq.JointCouplingTask(coefficients={"joint3": 1}, value=0.2, priority=2, equality=equality),
+            mq.JointCouplingTask(coefficients={"joint3": 1}, value=0.6, priority=2),
+        ]
+        q = np.array([0.2, 0.4, 0.0, 1.0, 0.1, 0.6, 0.0])
+        solver = mq.Solver(maira, task=mq.PositionTask(), tasks=wishes, backend=backend)
+        target = maira.forward(q)
+        for _ in range(200):
+            q = solver.step(q, target, 0.02).q
+        left.append(abs(q[2] - 0.2))
+    assert left[0] < 1e-6
+    assert left[1] == pytest.approx(0.2, abs=1e-3)
+
+
 def test_a_wish_yields_to_what_is_above_it_and_is_kept_where_it_can_be(maira, rng):
     """A bound on joint 3 below the pose: kept by the self-motion, against a posture that pulls the other way."""
     wish = mq.LimitTask(limit=mq.LinearLimit(np.eye(7)[[2]], [0.2]), priority=2)

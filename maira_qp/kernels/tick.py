@@ -32,6 +32,9 @@ DAMPING, LEAST_DAMPING, SMALL_ERROR, HALVINGS, WITHIN, FARTHEST, FEASIBILITY, IS
 FIRST, ROWS = 8, 9
 """How many tasks are of the first priority, and how many rows all tasks have"""
 
+ROUNDING = 1e-13
+"""As in `maira_qp.solvers.tick`."""
+
 
 @bare_kernel
 def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, memory, index, out):
@@ -142,7 +145,7 @@ def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q
                 break
             for i in range(n):
                 part[i] *= 0.5
-        highest[level] = max(0.5 * (before + values[level]), small)
+        highest[level] = max(0.5 * (before + values[level]) + ROUNDING * abs(before), small)
 
 
 @bare_kernel

@@ -167,8 +167,9 @@ def _levels(priorities: Priorities) -> list[_Level] | None:
     redundancy = priorities.redundancy
     weighted = (ObjectiveTask(redundancy.objective, redundancy.weight),) if isinstance(redundancy, Weighted) else ()
     strict = redundancy.objectives if isinstance(redundancy, Strict) else ()
-    cost, soft = split_equalities(TaskCost(priorities.first), weighted)
-    levels = [_level(level) for level in (LevelObjective(cost), *soft, *priorities.below)]
+    top, *soft = split_equalities(LevelObjective(TaskCost(priorities.first), weighted))
+    below = [part for level in priorities.below for part in split_equalities(level)]
+    levels = [_level(level) for level in (LevelObjective(top.tasks), *soft, *below)]
     if weighted and not soft and levels[0] is not None:
         posture = _posture(weighted[0].objective)
         levels[0] = None if posture is None else replace(levels[0], posture=posture, weight=weighted[0].weight)

@@ -18,6 +18,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -26,13 +27,15 @@ from maira_qp.problem.hierarchy import Level, null_space, positive_part, solve_e
 from maira_qp.problem.limits import Bounds, Tick, braking_displacement
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks.objective import ObjectiveTask
-from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.configuration import Configuration
 from maira_qp.solvers.descent import LEAST_DAMPING
 from maira_qp.solvers.setting import Setting
 
 SMALL_ERROR = 1e-3
 """|W e| below which the motion of lower levels may cost some of it again until the next tick [rad]."""
+
+ROUNDING = 1e-13
+"""Share of a level's cost that lower levels may cost it at any time: where it gains nothing, rounding decides nothing."""
 
 HALVINGS = 12
 
@@ -120,15 +123,16 @@ def _models(
     """The levels in falling priority."""
     objectives = redundancy.objectives if isinstance(redundancy, Strict) else ()
     weighted = (ObjectiveTask(redundancy.objective, redundancy.weight),) if isinstance(redundancy, Weighted) else ()
-    cost, soft = split_equalities(cost, weighted)
-    first = cost.without_wishes()
+    top, *soft = split_equalities(LevelObjective(cost, weighted))
+    cost, first = top.tasks, top.tasks.without_wishes()
     if weighted and not soft:
         objective, weight = weighted[0].objective, weighted[0].weight
         level = _newton(first, at, weight * objective.hessian(at))
         pull = first.pull(at) + weight * objective.gradient(at)
         value = WeightedCost(cost, objective, weight).value
         return [_Model(value, _of_tasks(level, pull, cost, at, setting, now))]
-    below = (*soft, *objectives)
+    further = [split_equalities(each) if isinstance(each, LevelObjective) else (each,) for each in objectives]
+    below = (*soft, *chain.from_iterable(further))
     plain = [each.without_wishes() if isinstance(each, LevelObjective) else each for each in below]
     levels = strict_levels(_newton(first, at, np.zeros((at.n, at.n))), first, plain, at, bounds.held)
     models = [_Model(cost.value, _of_tasks(levels[0], first.pull(at), cost, at, setting, now))]
@@ -209,7 +213,7 @@ def _safe(
                     dq, there = dq + part, trial
                     break
             part, after = 0.5 * part, before
-        highest.append(max(0.5 * (before + after), 0.5 * SMALL_ERROR**2))
+        highest.append(max(0.5 * (before + after) + ROUNDING * abs(before), 0.5 * SMALL_ERROR**2))
     return dq
 
 
@@ -230,12 +234,10 @@ def _violation_ahead(at: Configuration, dq: np.ndarray, setting: Setting, now: T
     return worst
 
 
-def split_equalities(
-    cost: TaskCost, weighted: tuple[ObjectiveTask, ...] = ()
-) -> tuple[TaskCost, tuple[LevelObjective, ...]]:
-    """The tasks of a level, or, if some are equalities, these, and below them the others with what is weighted."""
-    equalities: list[Task] = [task for task in cost.tasks if task.equality]
-    others = [task for task in cost.tasks if not task.equality]
-    if not equalities or not (others or weighted):
-        return cost, ()
-    return TaskCost(tuple(equalities)), (LevelObjective(TaskCost(tuple(others)), weighted),)
+def split_equalities(level: LevelObjective) -> tuple[LevelObjective, ...]:
+    """The level, or, if some of its tasks are equalities, these, and below them the others with its objectives."""
+    equalities = tuple(task for task in level.tasks.tasks if task.equality)
+    others = tuple(task for task in level.tasks.tasks if not task.equality)
+    if not equalities or not (others or level.objectives):
+        return (level,)
+    return LevelObjective(TaskCost(equalities)), LevelObjective(TaskCost(others), level.objectives)
