@@ -32,10 +32,6 @@ DAMPING, LEAST_DAMPING, SMALL_ERROR, HALVINGS, WITHIN, FARTHEST, FEASIBILITY, IS
 FIRST, ROWS = 8, 9
 """How many tasks are of the first priority, and how many rows all tasks have"""
 
-ROUNDING = 1e-13
-"""As in `maira_qp.solvers.tick`."""
-
-
 @bare_kernel
 def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, memory, index, out):
     """A tick of dt [s] from q (n,) at a velocity (n,) toward the targets T (4 K, 4) of the call.
@@ -145,7 +141,7 @@ def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q
                 break
             for i in range(n):
                 part[i] *= 0.5
-        highest[level] = max(0.5 * (before + values[level]) + ROUNDING * abs(before), small)
+        highest[level] = max(0.5 * (before + values[level]), small)
 
 
 @bare_kernel

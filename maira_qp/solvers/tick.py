@@ -34,9 +34,6 @@ from maira_qp.solvers.setting import Setting
 SMALL_ERROR = 1e-3
 """|W e| below which the motion of lower levels may cost some of it again until the next tick [rad]."""
 
-ROUNDING = 1e-13
-"""Share of a level's cost that lower levels may cost it at any time: where it gains nothing, rounding decides nothing."""
-
 HALVINGS = 12
 
 ROW_SPACE = 1e-6
@@ -213,7 +210,7 @@ def _safe(
                     dq, there = dq + part, trial
                     break
             part, after = 0.5 * part, before
-        highest.append(max(0.5 * (before + after) + ROUNDING * abs(before), 0.5 * SMALL_ERROR**2))
+        highest.append(max(0.5 * (before + after), 0.5 * SMALL_ERROR**2))
     return dq
 
 
