@@ -32,6 +32,7 @@ DAMPING, LEAST_DAMPING, SMALL_ERROR, HALVINGS, WITHIN, FARTHEST, FEASIBILITY, IS
 FIRST, ROWS = 8, 9
 """How many tasks are of the first priority, and how many rows all tasks have"""
 
+
 @bare_kernel
 def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, memory, index, out):
     """A tick of dt [s] from q (n,) at a velocity (n,) toward the targets T (4 K, 4) of the call.
