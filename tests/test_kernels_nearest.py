@@ -59,7 +59,7 @@ def test_newton_ends_where_the_gradient_is_held_by_limits(name, rng):
     begin = np.array([robot.random_configuration(rng) for _ in poses])
     ends, left = descended(engine, rows_of(poses), 1, begin)
     assert ((robot.lower <= ends) & (ends <= robot.upper)).all()
-    assert (left <= TOLERANCE).mean() > 0.75
+    assert (left > TOLERANCE).sum() <= max(1, 0.25 * len(left))  # one of the few that plain Python tries
     for k in np.flatnonzero(left <= TOLERANCE):
         assert cost_of(engine, robot, ends[k], poses[k]) <= cost_of(engine, robot, begin[k], poses[k])
         for i in range(robot.n):
