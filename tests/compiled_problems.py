@@ -25,8 +25,8 @@ three_tasks = pytest.mark.parametrize(
 
 
 def few(count: int) -> int:
-    """So many cases, or, where the kernels run as plain Python, a twentieth of them, at most 24."""
-    return min(max(1, count // 20), 24) if config.DISABLE_JIT else count
+    """So many cases, or, where the kernels run as plain Python, a twentieth of them, at most 12."""
+    return min(max(1, count // 20), 12) if config.DISABLE_JIT else count
 
 
 @cache

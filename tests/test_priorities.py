@@ -91,11 +91,11 @@ LEVELS = {
 
 @pytest.mark.parametrize("name", LEVELS)
 def test_no_level_disturbs_one_above_it(name, rng):
-    """2,000 ticks each, from configurations at limits, outside and singular too, with wishes at the second level."""
+    """2,000 ticks each (800 of a hand), from configurations at limits, outside and singular too, with wishes at the second level."""
     robot = mq.Robot.maira() if name == "maira" else load(name)
     solver = mq.Solver(robot, task=LEVELS[name](robot), redundancy=mq.Strict(mq.Posture()))
     backend, worst, moved = Backend("daqp"), 0.0, 0
-    for k in range(2000):
+    for k in range(800 if name == "allegro" else 2000):
         q = robot.random_configuration(rng)
         at_limit = rng.random(robot.n) < 0.2
         q = np.where(at_limit, np.where(rng.random(robot.n) < 0.5, *robot.drawn_range), q)
@@ -124,7 +124,7 @@ def test_no_level_disturbs_one_above_it(name, rng):
         assert (last <= bounds.upper).all()
         moved += len(displacements) > 1 and bool(np.abs(last - displacements[0]).max() > 1e-4)
     assert worst <= 1e-9
-    assert moved > 500
+    assert moved > 200
 
 
 def test_tasks_of_all_levels_are_met_where_that_is_possible(maira, rng):
@@ -247,11 +247,11 @@ def test_a_deadline_leaves_out_levels_and_breaks_no_limit(maira, monkeypatch):
 
 def test_equalities_of_a_level_go_before_its_other_tasks(maira):
     hard, soft = mq.JointCouplingTask(coefficients={"joint1": 1}, equality=True).of(maira), mq.DampingTask().of(maira)
-    first, below = split_equalities(TaskCost((soft, hard)))
-    assert first.tasks == (hard,)
-    assert [level.tasks.tasks for level in below] == [(soft,)]
-    assert split_equalities(TaskCost((hard,))) == (TaskCost((hard,)), ())
-    assert isinstance(below[0], LevelObjective)
+    first, below = split_equalities(LevelObjective(TaskCost((soft, hard))))
+    assert first.tasks.tasks == (hard,)
+    assert below.tasks.tasks == (soft,)
+    alone = LevelObjective(TaskCost((hard,)))
+    assert split_equalities(alone) == (alone,)
 
 
 def test_objectives_can_stand_between_tasks(maira, rng):
