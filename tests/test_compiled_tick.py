@@ -122,7 +122,7 @@ def distance(a: mq.Step, b: mq.Step, dt: float) -> float:
 
 
 def assert_ticks_agree(robot: mq.Robot, cases: dict, acceleration: float | None, rng) -> None:
-    """Compiled ticks are those of the general engine, but where that too parts for a configuration moved by rounding."""
+    """Compiled ticks are those of the general engine, but where this too parts for a q moved by rounding."""
     ticks, differ = 0, []
     for label, arguments in cases.items():
         compiled, general = (mq.Solver(robot, backend=backend, **arguments) for backend in (None, "daqp"))

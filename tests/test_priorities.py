@@ -91,7 +91,7 @@ LEVELS = {
 
 @pytest.mark.parametrize("name", LEVELS)
 def test_no_level_disturbs_one_above_it(name, rng):
-    """2,000 ticks each (800 of a hand), from configurations at limits, outside and singular too, with wishes at the second level."""
+    """2,000 ticks each, 800 of a hand, from q at limits, outside and singular too, with wishes at the second level."""
     robot = mq.Robot.maira() if name == "maira" else load(name)
     solver = mq.Solver(robot, task=LEVELS[name](robot), redundancy=mq.Strict(mq.Posture()))
     backend, worst, moved = Backend("daqp"), 0.0, 0
