@@ -23,7 +23,7 @@ from maira_qp.solvers.setting import Setting
 log = logging.getLogger(__name__)
 
 
-HEAD = 8
+HEAD = 64
 """After so many restarts without success it is worth a few milliseconds to see whether the target is out of reach."""
 
 DRAWS = 10
