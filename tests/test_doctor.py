@@ -99,7 +99,7 @@ def test_the_self_check_does_not_believe_the_solver(monkeypatch):
     assert "ZeroDivisionError" in last.told
 
 
-@pytest.mark.parametrize(("kept", "told"), [((), "10 seconds"), (("search.search-1.py.nbc",), "10 more")])
+@pytest.mark.parametrize(("kept", "told"), [((), "15 seconds"), (("search.search-1.py.nbc",), "10 more")])
 def test_a_compile_to_come_is_told(monkeypatch, tmp_path, kept, told):
     """What has not been compiled yet is said to take its time; without a folder for it there is advice."""
     from maira_qp.kernels.search import search
@@ -114,7 +114,7 @@ def test_a_compile_to_come_is_told(monkeypatch, tmp_path, kept, told):
     assert seen.state is State.WELL
     assert f"{len(kept)} pieces" in seen.told
     assert told in seen.told
-    assert ("10 seconds" in seen.told) == (not kept)
+    assert ("15 seconds" in seen.told) == (not kept)
     Kernel.stats = type(search.stats)(None, {}, {})
     seen = found(doctor.cache)["compiled code"]
     assert seen.state is State.FAULT
