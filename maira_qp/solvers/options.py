@@ -20,7 +20,7 @@ class Options:
     """Solved only if the angle between the orientations <= orientation_tolerance [rad]; > 0."""
     stationarity_tolerance: float = 1e-6
     """Optimal only if no entry of the projected gradient is larger; > 0 [of the cost, per rad or m]."""
-    max_iterations: int = 30
+    max_iterations: int = 200
     """Iterations of one start, accepted or not; >= 1."""
     max_restarts: int = 300
     """Further starts after the first; >= 0."""
