@@ -1,28 +1,14 @@
-"""The compiled engine: which problems it takes, and the arrays that it needs of them.
-
-For one task of the tip of a serial chain with box limits it runs the search of `search.py` and `descent.py` in compiled
-code, and, with one `Posture` or `LimitDistance`, the settling of `settling.py`.
-"""
+"""The compiled engine: the search of `search.py` and `descent.py`, and the settling of `settling.py`, by kernels."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from threading import Event
 
 import numpy as np
 
 from maira_qp.kernels.blocked import FLOATS, INTEGERS, PIECES
-from maira_qp.kernels.chain import LOWER, UPPER
 from maira_qp.kernels.closed_form_search import reach_in_closed_form
-from maira_qp.kernels.descent import (
-    LEAST_DAMPING,
-    MAX_ITERATIONS,
-    ORIENTATION_TOLERANCE,
-    POSITION_TOLERANCE,
-    STALL_RATIO,
-)
 from maira_qp.kernels.lane_walk import MAX_SETTLING, PROJECTED_GRADIENT, REACHED, STATIONARITY_TOLERANCE
 from maira_qp.kernels.lane_walk import OUTCOME as SETTLED
 from maira_qp.kernels.lanes import LANES
@@ -30,8 +16,6 @@ from maira_qp.kernels.nearest import nearest_points
 from maira_qp.kernels.nearest_in_closed_form import nearest_in_closed_form
 from maira_qp.kernels.rigid import FINE
 from maira_qp.kernels.search import (
-    ATTEMPT,
-    FARTHEST_START,
     FINAL_COST,
     OUTCOME,
     PROVED,
@@ -42,128 +26,20 @@ from maira_qp.kernels.search import (
     search,
 )
 from maira_qp.kernels.settling import settle
-from maira_qp.kernels.starts import FEATURES, fill_library
 from maira_qp.orientation import ORTHONORMAL_WITHIN
-from maira_qp.problem.objectives import LimitDistance, Posture
-from maira_qp.problem.redundancy import Strict, Weighted
-from maira_qp.problem.tasks.frame import FrameTask
-from maira_qp.robots.robot import Robot
-from maira_qp.robots.serial_chain import chain_of
-from maira_qp.solvers import descent, settling
+from maira_qp.solvers.chain_arrays import KIND, WEIGHT, WEIGHTED, ChainArrays
 from maira_qp.solvers.descent import Budget
-from maira_qp.solvers.library import LIBRARY, starting_library
-from maira_qp.solvers.options import Options
-from maira_qp.solvers.priorities import Priorities
-from maira_qp.solvers.proofs import Proofs
 from maira_qp.solvers.search import HEAD, Search, found_by_kernel
-from maira_qp.solvers.targets import SEED_0, row_of
+from maira_qp.solvers.shares import NEVER, Progress, in_shares
+from maira_qp.solvers.targets import SEED_0, streams
 
-CHUNK, CHUNK_OF_ATTEMPTS = 256, 80_000
-"""Targets of a batch, and their attempts, that a thread takes up at a stretch: between two of them Ctrl-C is heard."""
-
-EXACT = 1e-12
-"""Errors [m, rad] at which a descent that is to be exact ends."""
-
-LEAST_EXACT_DAMPING = 1e-14
-"""Its `LEAST_DAMPING`, at the edge of rounding: more would slow it down where singular values are as small."""
-
-# the entries of `Compiled.redundancy`, before 2 n more: the reference and the weights of the posture
-KIND, WEIGHT = 0, 1
-NONE, WEIGHTED, STRICT = 0, 1, 2
-
-Progress = Callable[[int, int], object]
+SHARE, ATTEMPTS = 1024, 30_000
+"""Targets of a batch that a thread takes up at a stretch, and the most attempts at those that resist. Long enough that
+threads seldom meet in Python, short enough that Ctrl-C is heard."""
 
 
-@dataclass(frozen=True)
-class Compiled:
-    """The arrays of one problem, see `maira_qp.kernels`: `chain`, `descent`, `starts`."""
-
-    robot: Robot
-    chain: np.ndarray
-    """(n + 1, 17)"""
-    settings: np.ndarray
-    """(13,)"""
-    library: np.ndarray
-    """(K, n)"""
-    features: np.ndarray
-    """(K / LANES, FEATURES, LANES)"""
-    candidates: int
-    """Random configurations of which a start is the best"""
-    last_attempt: int
-    redundancy: np.ndarray | None
-    """(2 + 2 n,) kind, weight, reference and weights of a posture; None: another wish"""
-    settling: np.ndarray
-    """(7,) see `maira_qp.kernels.lane_walk`"""
-    proofs: Proofs
-
-    @staticmethod
-    def of(priorities: Priorities, options: Options) -> Compiled | str:
-        """The problem's arrays, or the reason why the compiled engine cannot take it."""
-        robot, task = priorities.robot, priorities.first[0]
-        if len(priorities.first) > 1:
-            return "it has more than one task"
-        if not isinstance(task, FrameTask) or task.target is not None:
-            return "its task is none of PoseTask(), PositionTask() and OrientationTask() with a target from the call"
-        if not task.is_even:
-            return "the axes of its task count differently"
-        if task.frame != robot.tip:
-            return "its task is not the tip's"
-        if not robot.is_chain:
-            return "the robot is no single chain of independent joints"
-        weights = task.all_weights
-        settings = np.array(
-            [
-                weights[0],
-                weights[5],
-                options.position_tolerance,
-                options.orientation_tolerance,
-                options.max_iterations,
-                options.damping,
-                options.stall_steps,
-                options.stall_ratio,
-                descent.ACCEPTED,
-                descent.REFUSED,
-                *descent.FACTOR_RANGE,
-                descent.LEAST_DAMPING,
-            ]
-        )
-        constants = np.array(
-            [
-                options.max_settling,
-                options.stationarity_tolerance,
-                settling.FIRST_RADIUS,
-                settling.LEAST_RADIUS,
-                settling.RESTORING,
-                settling.RESTORED,
-                settling.RESOLUTION,
-            ]
-        )
-        chain, library = chain_of(robot), starting_library(robot)
-        features = np.empty((LIBRARY // LANES, FEATURES, LANES))
-        fill_library(settings, np.array([row_of(robot.at(q).placement(None)) for q in library]), features)
-        proofs = Proofs.of(priorities, options)
-        assert proofs is not None
-        return Compiled(
-            robot,
-            chain,
-            settings,
-            library,
-            features,
-            options.start_candidates,
-            options.max_restarts,
-            None if priorities.below else _posture(robot, priorities.redundancy),
-            constants,
-            proofs,
-        )
-
-    def takes(self, starts: np.ndarray | None) -> bool:
-        """Whether the kernels can begin there, at (n,) or (N, n): a continuous joint may have wound up too far."""
-        return starts is None or bool(np.abs(starts).max(initial=0.0) <= FARTHEST_START)
-
-    @property
-    def settles(self) -> bool:
-        """There is a redundancy, and the kernels know it."""
-        return self.redundancy is not None and self.redundancy[KIND] != NONE
+class Compiled(ChainArrays):
+    """The search and the settling of one problem in compiled code."""
 
     def solve(
         self, T: np.ndarray, q0: np.ndarray | None, seed: np.ndarray
@@ -193,9 +69,11 @@ class Compiled:
         shuffled: bool,
         q: np.ndarray,
         outcome: np.ndarray,
+        halted: Event = NEVER,
     ) -> None:
         """Search for q (N, n) that reach the targets (N, 12), and see whether those that resist are out of reach."""
-        last = self.last_attempt
+        last, problem = self.last_attempt, (rows, starts, streams, shuffled)
+        head = min(HEAD, last)
         if self.proofs.srs is not None and not len(starts):
             self._reach_in_closed_form(rows, streams, shuffled, q, outcome)
             if outcome[:, SUCCESS].min() > 0.0:
@@ -203,43 +81,42 @@ class Compiled:
             proved, left = np.flatnonzero(outcome[:, SUCCESS] == PROVED), np.flatnonzero(outcome[:, SUCCESS] == 0.0)
             self._approach_in_closed_form(rows, streams, shuffled, proved, q, outcome)
             beyond = proved[~np.isfinite(outcome[proved, FINAL_COST])]
-            self._part(rows, starts, streams, shuffled, (0, min(HEAD, last)), beyond, q, outcome)
-            self._part(rows, starts, streams, shuffled, (0, last), left, q, outcome)
+            for some, end in ((beyond, head), (left, last)):
+                for part in _parts(some, end + 1, halted):
+                    q[part], outcome[part] = self._attempt(*problem, 0, end, part)
             outcome[proved, SUCCESS] = PROVED
             return
-        head = min(HEAD, last)
-        self._search(rows, starts, streams, shuffled, 0, head, q, outcome)
+        self._search(*problem, 0, head, q, outcome)
         if outcome[:, SUCCESS].all():
             return
         left = np.flatnonzero((outcome[:, SUCCESS] == 0.0) & np.isfinite(outcome[:, FINAL_COST]))
-        proved = self.proofs.unreachable(rows[left])
-        outcome[left[proved], SUCCESS] = PROVED
-        if head < last:
-            before_q, before = q.copy(), outcome.copy()
-            left = left[~proved]
-            self._part(rows, starts, streams, shuffled, (head + 1, last), left, q, outcome)
-            outcome[left, SPENT] += before[left, SPENT]
-            worse = left[(outcome[left, SUCCESS] == 0.0) & (before[left, FINAL_COST] <= outcome[left, FINAL_COST])]
-            before[worse, SPENT], before[worse, ATTEMPT] = outcome[worse, SPENT], outcome[worse, ATTEMPT]
-            q[worse], outcome[worse] = before_q[worse], before[worse]
+        for part in _parts(left, last + 1, halted):
+            proved = self.proofs.unreachable(rows[part])
+            outcome[part[proved], SUCCESS] = PROVED
+            resisting = part[~proved]
+            if head < last and len(resisting):
+                found_q, found = self._attempt(*problem, head + 1, last, resisting)
+                found[:, SPENT] += outcome[resisting, SPENT]
+                worse = (found[:, SUCCESS] == 0.0) & (outcome[resisting, FINAL_COST] <= found[:, FINAL_COST])
+                found[worse, FINAL_COST:] = outcome[resisting[worse], FINAL_COST:]
+                found_q[worse] = q[resisting[worse]]
+                q[resisting], outcome[resisting] = found_q, found
 
-    def _part(
+    def _attempt(
         self,
         rows: np.ndarray,
         starts: np.ndarray,
         streams: np.ndarray,
         shuffled: bool,
-        attempts: tuple[int, int],
+        first: int,
+        last: int,
         some: np.ndarray,
-        q: np.ndarray,
-        outcome: np.ndarray,
-    ) -> None:
-        """Make attempts, from a first to a last, at some of the targets."""
-        if len(some):
-            part_q, part = q[some], outcome[some]
-            starts = starts[some] if len(starts) else starts
-            self._search(rows[some], starts, streams[some], shuffled, *attempts, part_q, part)
-            q[some], outcome[some] = part_q, part
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """q (k, n) and outcomes (k, 7) of the attempts first, ..., last at k of the targets."""
+        q, outcome = np.empty((len(some), self.robot.n)), np.empty((len(some), OUTCOME))
+        starts = starts[some] if len(starts) else starts
+        self._search(rows[some], starts, streams[some], shuffled, first, last, q, outcome)
+        return q, outcome
 
     def _reach_in_closed_form(
         self, rows: np.ndarray, streams: np.ndarray, shuffled: bool, q: np.ndarray, outcome: np.ndarray
@@ -315,23 +192,6 @@ class Compiled:
         tolerance = self.settling[STATIONARITY_TOLERANCE]
         return q, (outcome[:, REACHED] > 0.0) & (outcome[:, PROJECTED_GRADIENT] <= tolerance)
 
-    def exact(self) -> Compiled:
-        """The same with descents that do not end before the last digits, even next to a singularity."""
-        settings = self.settings.copy()
-        settings[[POSITION_TOLERANCE, ORIENTATION_TOLERANCE]] = EXACT
-        settings[STALL_RATIO], settings[LEAST_DAMPING], settings[MAX_ITERATIONS] = 0.0, LEAST_EXACT_DAMPING, 1000
-        return replace(self, settings=settings)
-
-    def without_limits(self, joints: np.ndarray) -> Compiled:
-        """The same with some joints (n,) of bool set free."""
-        chain = self.chain.copy()
-        chain[:-1, LOWER][joints], chain[:-1, UPPER][joints] = -np.inf, np.inf
-        return replace(self, chain=chain)
-
-    def preferring(self, redundancy: Strict) -> Compiled:
-        """The same with another redundancy, made for the robot."""
-        return replace(self, redundancy=_posture(self.robot, redundancy))
-
     def search(
         self, row: np.ndarray, q0: np.ndarray | None, stream: np.ndarray, shuffled: bool, budget: Budget
     ) -> Search:
@@ -358,8 +218,7 @@ class Compiled:
         self,
         rows: np.ndarray,
         starts: np.ndarray | None,
-        streams: np.ndarray,
-        shuffled: bool,
+        seed: np.ndarray,
         threads: int | None,
         progress: Progress | None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -367,31 +226,16 @@ class Compiled:
 
         The targets are (N, 12), the starts (N, n) or None.
         """
-        count = len(rows)
+        count, shuffled = len(rows), bool(seed.any())
         q, outcome, after = np.empty((count, self.robot.n)), np.empty((count, OUTCOME)), np.empty((count, SETTLED))
-        chunk = min(CHUNK, max(LANES, CHUNK_OF_ATTEMPTS // (self.last_attempt + 1)))
 
-        def run(first: int) -> int:
-            part = slice(first, first + chunk)
-            begin = self._starts(None if starts is None else starts[part])
-            self._find(rows[part], begin, streams[part], shuffled, q[part], outcome[part])
-            after[part] = self._finish(rows[part], q[part], outcome[part])
-            return min(first + chunk, count)
+        def work(part: slice, halted: Event) -> None:
+            targets, begin = rows[part], self._starts(None if starts is None else starts[part])
+            self._find(targets, begin, streams(targets, seed), shuffled, q[part], outcome[part], halted)
+            if not halted.is_set():
+                after[part] = self._finish(targets, q[part], outcome[part])
 
-        threads = min(threads or os.cpu_count() or 1, -(-count // chunk))
-        if threads <= 1:
-            for first in range(0, count, chunk):
-                done = run(first)
-                if progress is not None:
-                    progress(done, count)
-            return q, outcome, after
-        pool = ThreadPoolExecutor(threads)
-        try:
-            for done in pool.map(run, range(0, count, chunk)):
-                if progress is not None:
-                    progress(done, count)
-        finally:
-            pool.shutdown(cancel_futures=True)  # Ctrl-C waits for the chunks under way, not for the rest
+        in_shares(work, count, SHARE, threads, progress)
         return q, outcome, after
 
     def _search(
@@ -425,14 +269,10 @@ class Compiled:
         )
 
 
-def _posture(robot: Robot, redundancy: Weighted | Strict | None) -> np.ndarray | None:
-    """What `Compiled.redundancy` holds of a redundancy that was made for the robot."""
-    kind, weight, posture = NONE, 0.0, Posture().of(robot)
-    if redundancy is not None:
-        objectives = redundancy.objectives if isinstance(redundancy, Strict) else (redundancy.objective,)
-        objective = objectives[0]
-        if len(objectives) > 1 or not isinstance(objective, (Posture, LimitDistance)):
-            return None
-        kind, weight = (STRICT, 0.0) if isinstance(redundancy, Strict) else (WEIGHTED, redundancy.weight)
-        posture = objective if isinstance(objective, Posture) else objective.as_posture
-    return np.concatenate([[kind, weight], posture.q_ref, posture.weights])
+def _parts(some: np.ndarray, attempts: int, halted: Event) -> Iterator[np.ndarray]:
+    """Some of the targets in parts of so many that their attempts, so many each, take no more than a moment."""
+    most = max(1, ATTEMPTS // attempts)
+    for first in range(0, len(some), most):
+        if halted.is_set():
+            return
+        yield some[first : first + most]

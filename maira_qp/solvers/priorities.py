@@ -123,10 +123,11 @@ class Priorities:
         each = [rows_of(poses_of_batch(targets[frame])) for frame in self.frames]
         if len({len(rows) for rows in each}) > 1:
             raise PoseError(f"as many poses for each frame, not {[len(rows) for rows in each]}")
-        rows = np.stack(each, axis=1)
-        for i in np.flatnonzero(np.abs(rows[:, :, 9:]).max(axis=(1, 2), initial=0.0) > FARTHEST * self.robot.length):
+        rows = np.stack(each, axis=1) if len(each) > 1 else each[0][:, None]
+        far = np.abs(rows[:, :, 9:]) > FARTHEST * self.robot.length
+        for i in np.flatnonzero(far.any(axis=(1, 2))) if far.any() else ():
             check_distance(rows[i, :, 9:], self.robot.length, f"target {i}")
-        rows[~np.isfinite(rows).all(axis=(1, 2))] = np.nan
+        rows[np.isnan(rows[:, :, 0]).any(axis=1)] = np.nan
         return rows
 
     def of_row(self, row: np.ndarray) -> dict[str, pin.SE3]:

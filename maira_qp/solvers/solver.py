@@ -30,7 +30,7 @@ from maira_qp.solvers.options import Options
 from maira_qp.solvers.priorities import FARTHEST, Priorities, Targets
 from maira_qp.solvers.setting import Setting
 from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, solution_of
-from maira_qp.solvers.targets import SEED_0, checked_seed, checked_starts, streams
+from maira_qp.solvers.targets import SEED_0, checked_seed, checked_starts
 from maira_qp.solvers.tick import keeps_further_limits, tick
 
 if TYPE_CHECKING:
@@ -235,11 +235,11 @@ class Solver:
 
         Raises `PoseError`, `ConfigurationError` or `OptionError`, naming the target, before anything is solved.
         """
+        if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
+            raise OptionError(f"threads must be a positive whole number, got {threads!r}")
         rows = self._priorities.rows(targets)
         starts = checked_starts(q0, len(rows), self.robot.n)
         words = checked_seed(seed)
-        if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
-            raise OptionError(f"threads must be a positive whole number, got {threads!r}")
         postures = None
         if prefer is not None or metric is not None:
             check_preference(prefer, starts, self.redundancy)
@@ -259,16 +259,14 @@ class Solver:
                 if progress is not None:
                     progress(i + 1, len(rows))
             return batch
-        one, shuffled = np.ascontiguousarray(rows[:, 0]), bool(words.any())
         all_of_it = self._priorities.is_done_by_search or engine.settles
         told = progress if all_of_it else None  # else what takes the time is yet to come
-        q, outcome, after = engine.solve_batch(one, starts, streams(one, words), shuffled, threads, told)
+        q, outcome, after = engine.solve_batch(np.ascontiguousarray(rows[:, 0]), starts, words, threads, told)
         batch.put_search(q, outcome)
         batch.put_finished(after, outcome[:, 0] < 0.0, self.options.stationarity_tolerance)
         left = finite & ~batch.optimal if all_of_it else finite
-        for i in range(len(rows)):
-            if left[i]:
-                batch.put(i, self._general.finish(q[i], outcome[i].tolist(), self._priorities.of_row(rows[i])))
+        for i in np.flatnonzero(left).tolist():
+            batch.put(i, self._general.finish(q[i], outcome[i].tolist(), self._priorities.of_row(rows[i])))
             if progress is not None and not all_of_it:
                 progress(i + 1, len(rows))
         return batch

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.arrays import real_array
+from maira_qp.arrays import is_native, real_array
 from maira_qp.errors import ConfigurationError, OptionError, PoseError
 from maira_qp.orientation import ORTHONORMAL_WITHIN, rigid
 
@@ -73,13 +73,15 @@ def streams(rows: np.ndarray, words: np.ndarray) -> np.ndarray:
 
 
 def poses_of_batch(targets: Any, name: str = "target") -> np.ndarray:
-    """The targets of a batch as (N, 4, 4), checked. Raises `PoseError`."""
+    """The targets of a batch as (N, 4, 4), checked; not a copy where none is needed. Raises `PoseError`."""
     if isinstance(targets, (pin.SE3, str, bytes, Mapping)) or not isinstance(targets, Iterable):
         raise PoseError(f"{name}s must be a sequence of poses, (N, 4, 4); for one target use solve")
     if not isinstance(targets, np.ndarray):
         targets = [each.homogeneous if isinstance(each, pin.SE3) else each for each in targets]
     if not len(targets):
         return np.empty((0, 4, 4))
+    if is_native(targets, (len(targets), 4, 4)):
+        return targets
     try:
         return real_array(targets, (None, 4, 4), f"{name}s", PoseError, finite=None)
     except PoseError:
