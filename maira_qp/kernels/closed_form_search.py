@@ -39,20 +39,27 @@ def reach_in_closed_form(
     The swivel angles are tried from the same one on, or, if `shuffled`, from one that `streams` (N,) tell. Memory:
     floats and integers of `make_work`, pieces of `verdict`, kinematics (2 n + 6, 3).
     """
-    n, work = q.shape[1], make_work(floats, integers)
-    axes, origins, rest = kinematics[:n], kinematics[n : 2 * n], kinematics[2 * n :].reshape(18)
-    tool, e = rest[:12], rest[12:]
+    work = make_work(floats, integers)
     for k in range(len(targets)):
         offset = TURN * np.float64(streams[k] >> np.uint64(32)) if shuffled else 0.0
         outcome[k, SUCCESS], outcome[k, FINAL_COST] = 0.0, np.inf
         if start(arm, targets[k], offset, work, q[k]):
-            cost = pose_cost(chain, settings, targets[k], q[k], axes, origins, tool, e)
-            if is_reached(settings, e):
-                position, orientation = squares(e)
-                outcome[k, SUCCESS], outcome[k, ATTEMPT], outcome[k, SPENT], outcome[k, MOVED] = 1.0, 0.0, 0.0, 0.0
-                outcome[k, FINAL_COST] = cost
-                outcome[k, POSITION_ERROR], outcome[k, ORIENTATION_ERROR] = np.sqrt(position), np.sqrt(orientation)
+            confirm(chain, settings, targets[k], kinematics, q[k], outcome[k])
         if outcome[k, SUCCESS] == 0.0:
             position, orientation = settings[POSITION_TOLERANCE], settings[ORIENTATION_TOLERANCE]
             if verdict(arm, targets[k], position, orientation, work, pieces) != POSSIBLE:
                 outcome[k, SUCCESS] = PROVED
+
+
+@bare_kernel
+def confirm(chain, settings, target, kinematics, q, outcome):
+    """Make the outcome (7,) a success if q (7,) reaches the target (12,), else leave it as it is."""
+    n = len(q)
+    axes, origins, rest = kinematics[:n], kinematics[n : 2 * n], kinematics[2 * n :].reshape(18)
+    tool, e = rest[:12], rest[12:]
+    cost = pose_cost(chain, settings, target, q, axes, origins, tool, e)
+    if is_reached(settings, e):
+        position, orientation = squares(e)
+        outcome[SUCCESS], outcome[ATTEMPT], outcome[SPENT], outcome[MOVED] = 1.0, 0.0, 0.0, 0.0
+        outcome[FINAL_COST] = cost
+        outcome[POSITION_ERROR], outcome[ORIENTATION_ERROR] = np.sqrt(position), np.sqrt(orientation)

@@ -68,8 +68,8 @@ def settle(chain, settings, targets, reference, weights, weight, settling, q, ou
     Not a kernel, but three of them, so that those that few targets need are compiled when one does.
     """
     settle_in_lanes(chain, settings, targets, reference, weights, settling, q, outcome)
-    left = np.flatnonzero(outcome[:, PROJECTED_GRADIENT] == np.inf)
-    if len(left):
+    if outcome[:, PROJECTED_GRADIENT].max(initial=0.0) == np.inf:
+        left = np.flatnonzero(outcome[:, PROJECTED_GRADIENT] == np.inf)
         some, told = q[left], outcome[left]
         settle_alone(chain, settings, targets[left], reference, weights, settling, some, told)
         q[left], outcome[left] = some, told

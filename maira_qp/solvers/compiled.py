@@ -7,6 +7,7 @@ from threading import Event
 
 import numpy as np
 
+from maira_qp.kernels.best_swivel import ROWS, reach_near_posture
 from maira_qp.kernels.blocked import FLOATS, INTEGERS, PIECES
 from maira_qp.kernels.closed_form_search import reach_in_closed_form
 from maira_qp.kernels.lane_walk import MAX_SETTLING, PROJECTED_GRADIENT, REACHED, STATIONARITY_TOLERANCE
@@ -75,7 +76,14 @@ class Compiled(ChainArrays):
         last, problem = self.last_attempt, (rows, starts, streams, shuffled)
         head = min(HEAD, last)
         if self.proofs.srs is not None and not len(starts):
-            self._reach_in_closed_form(rows, streams, shuffled, q, outcome)
+            if self.settles:
+                self._reach_near_posture(rows, q, outcome)
+                if outcome[:, SUCCESS].all():
+                    return
+            some = np.flatnonzero(outcome[:, SUCCESS] == 0.0) if self.settles else slice(None)
+            part_q, part = q[some], outcome[some]
+            self._reach_in_closed_form(rows[some], streams[some], shuffled, part_q, part)
+            q[some], outcome[some] = part_q, part
             if outcome[:, SUCCESS].min() > 0.0:
                 return
             proved, left = np.flatnonzero(outcome[:, SUCCESS] == PROVED), np.flatnonzero(outcome[:, SUCCESS] == 0.0)
@@ -118,23 +126,20 @@ class Compiled(ChainArrays):
         self._search(rows[some], starts, streams[some], shuffled, first, last, q, outcome)
         return q, outcome
 
+    def _reach_near_posture(self, rows: np.ndarray, q: np.ndarray, outcome: np.ndarray) -> None:
+        """Put q (N, 7) that reach the targets near the best of the redundancy's objective; some are left open."""
+        assert self.redundancy is not None
+        problem = self.chain, self.settings, self.proofs.srs, rows, *self.redundancy[2:].reshape(2, -1)
+        memory = np.empty(FLOATS), np.empty(INTEGERS, np.int64), np.empty((ROWS, LANES)), np.empty((20, 3))
+        reach_near_posture(*problem, *memory, q, outcome)
+
     def _reach_in_closed_form(
         self, rows: np.ndarray, streams: np.ndarray, shuffled: bool, q: np.ndarray, outcome: np.ndarray
     ) -> None:
-        reach_in_closed_form(
-            self.chain,
-            self.settings,
-            self.proofs.srs,
-            rows,
-            streams,
-            shuffled,
-            np.empty(FLOATS),
-            np.empty(INTEGERS, np.int64),
-            np.empty((8, PIECES, 3)),
-            np.empty((20, 3)),
-            q,
-            outcome,
-        )
+        """Put q (N, 7) that reach the targets, or that it is proved that nothing does; the rest is left open."""
+        problem = self.chain, self.settings, self.proofs.srs, rows, streams, shuffled
+        memory = np.empty(FLOATS), np.empty(INTEGERS, np.int64), np.empty((8, PIECES, 3)), np.empty((20, 3))
+        reach_in_closed_form(*problem, *memory, q, outcome)
 
     def _approach_in_closed_form(
         self,
@@ -165,10 +170,11 @@ class Compiled(ChainArrays):
         The second outcomes (N, 6), see `kernels.settling.settle`; NaN where there was nothing to do.
         """
         n, own, constants, after = self.robot.n, self.redundancy, self.settling, np.full((len(q), SETTLED), np.nan)
-        reached = outcome[:, SUCCESS] > 0.0
-        short = np.flatnonzero(~reached & np.isfinite(outcome[:, FINAL_COST]))
         if self.settles:
             self._settle(rows, q, after)
+        if outcome[:, SUCCESS].min() > 0.0:
+            return after
+        short = np.flatnonzero(~(outcome[:, SUCCESS] > 0.0) & np.isfinite(outcome[:, FINAL_COST]))
         if len(short):
             reference, weights = np.full(n, np.nan), np.zeros(n)
             if own is not None and self.settles:

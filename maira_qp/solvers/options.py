@@ -24,7 +24,7 @@ class Options:
     """Iterations of one start, accepted or not; >= 1."""
     max_restarts: int = 300
     """Further starts after the first; >= 0."""
-    max_settling: int = 50
+    max_settling: int = 200
     """Steps toward the optimum of the redundancy, or of an unreached pose, once no start is left to try; >= 0."""
     start_candidates: int = 8
     """A random start is the best of so many configurations by their pose error; >= 1."""

@@ -269,6 +269,8 @@ class Solver:
             batch.put(i, self._general.finish(q[i], outcome[i].tolist(), self._priorities.of_row(rows[i])))
             if progress is not None and not all_of_it:
                 progress(i + 1, len(rows))
+        if progress is not None and not all_of_it and not left[-1:].all():
+            progress(len(rows), len(rows))
         return batch
 
     def solutions(self, target: Any, rng: Rng = None) -> Solutions:
