@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numba import config, njit
 
-from maira_qp.kernels.parts import part
+from maira_qp.kernels.parts import EntryCompiler, part
 
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
 
@@ -40,10 +40,11 @@ def _compiled(function: Callable, **options: Any) -> Any:
     inner = part(function, OPTIONS | options)
     if function.__name__.startswith("_"):
         return inner
+    options |= OPTIONS | {"pipeline_class": EntryCompiler}
     try:
-        entry: Any = njit(**OPTIONS, **options, cache=True)(function)
+        entry: Any = njit(**options, cache=True)(function)
     except RuntimeError:  # no folder for the cache: a read-only package and no home
-        entry = njit(**OPTIONS, **options)(function)
+        entry = njit(**options)(function)
     entry.get_call_template, entry.get_overload = inner.get_call_template, inner.get_overload
     return entry
 

@@ -44,27 +44,30 @@ def lanes_memory(n):
 def make_lanes(n, memory):
     """Eight descents of a chain of n joints, all of them ended, in the memory (lanes_memory(n),)."""
     memory = memory[(-memory.ctypes.data // 8) % LANES :]  # a row is one line of the cache
-    vectors = memory[: (STATE + 42 + 8 * n) * LANES].reshape(-1, LANES)
-    rest = memory[(STATE + 42 + 8 * n) * LANES :]
+    small, memory = memory[: (STATE + 42) * LANES].reshape(-1, LANES), memory[(STATE + 42) * LANES :]
+    vectors, memory = memory[: 8 * n * LANES].reshape(8, n, LANES), memory[8 * n * LANES :]
+    lines, memory = memory[: 6 * n * LANES].reshape(2, n, 3, LANES), memory[6 * n * LANES :]
+    J, memory = memory[: 6 * n * LANES].reshape(n, 6, LANES), memory[6 * n * LANES :]
+    squares = memory[: 2 * n * n * LANES].reshape(2, n, n, LANES)
     lanes = Lanes(
-        vectors[:STATE],
-        vectors[STATE : STATE + 12],
-        vectors[STATE + 12 : STATE + 24],
-        vectors[STATE + 24 : STATE + 36],
-        vectors[STATE + 36 : STATE + 42],
-        vectors[STATE + 42 : STATE + 42 + n],
-        vectors[STATE + 42 + n : STATE + 42 + 2 * n],
-        vectors[STATE + 42 + 2 * n : STATE + 42 + 3 * n],
-        vectors[STATE + 42 + 3 * n : STATE + 42 + 4 * n],
-        vectors[STATE + 42 + 4 * n : STATE + 42 + 5 * n],
-        vectors[STATE + 42 + 5 * n : STATE + 42 + 6 * n],
-        vectors[STATE + 42 + 6 * n : STATE + 42 + 7 * n],
-        vectors[STATE + 42 + 7 * n : STATE + 42 + 8 * n],
-        rest[: 3 * n * LANES].reshape(n, 3, LANES),
-        rest[3 * n * LANES : 6 * n * LANES].reshape(n, 3, LANES),
-        rest[6 * n * LANES : 12 * n * LANES].reshape(n, 6, LANES),
-        rest[12 * n * LANES : n * (12 + n) * LANES].reshape(n, n, LANES),
-        rest[n * (12 + n) * LANES : n * (12 + 2 * n) * LANES].reshape(n, n, LANES),
+        small[:STATE],
+        small[STATE : STATE + 12],
+        small[STATE + 12 : STATE + 24],
+        small[STATE + 24 : STATE + 36],
+        small[STATE + 36 :],
+        vectors[0],
+        vectors[1],
+        vectors[2],
+        vectors[3],
+        vectors[4],
+        vectors[5],
+        vectors[6],
+        vectors[7],
+        lines[0],
+        lines[1],
+        J,
+        squares[0],
+        squares[1],
     )
     store(lanes.state, ENDED, 1.0)
     return lanes

@@ -14,8 +14,8 @@ EXACT = 1e-14
 def pose_row(T, within, row):
     """R by rows and p of a transformation T (4, 4) into `row` (12,), R made the nearest rotation; or what is wrong.
 
-    R may be off orthonormal by `within`, which must be small: then two steps of Newton's iteration for the polar
-    factor, `R <- R (3 I - R^T R) / 2`, are exact to rounding (Higham, "Functions of matrices", 2008, section 8.3).
+    R may be off orthonormal by `within`, which must be small: the one step that is taken, of the Newton-Schulz family
+    for the polar factor, leaves about a third of its cube (Higham, "Functions of matrices", 2008, chapter 8).
     """
     total = 0.0
     for i in range(4):
@@ -39,8 +39,7 @@ def pose_row(T, within, row):
     if not (deviation <= within and right_handed):
         return NOT_RIGID
     if deviation > EXACT:
-        _polar_step(row)
-        _polar_step(row)
+        _make_orthonormal(T, row)
     return FINE
 
 
@@ -63,15 +62,19 @@ def _deviation(row):
 
 
 @bare_kernel
-def _polar_step(row):
-    """One step of Newton's iteration: rows of R mixed by (3 I - R R^T) / 2, which is the same."""
-    a, b, c, d, e, f, g, h, k = row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8]
-    x, y, z = (
-        1.5 - 0.5 * (a * a + b * b + c * c),
-        1.5 - 0.5 * (d * d + e * e + f * f),
-        1.5 - 0.5 * (g * g + h * h + k * k),
-    )
-    u, v, w = -0.5 * (a * d + b * e + c * f), -0.5 * (a * g + b * h + c * k), -0.5 * (d * g + e * h + f * k)
-    row[0], row[1], row[2] = x * a + u * d + v * g, x * b + u * e + v * h, x * c + u * f + v * k
-    row[3], row[4], row[5] = u * a + y * d + w * g, u * b + y * e + w * h, u * c + y * f + w * k
-    row[6], row[7], row[8] = v * a + w * d + z * g, v * b + w * e + z * h, v * c + w * f + z * k
+def _make_orthonormal(T, row):
+    """R (I - D / 2 + 3 D^2 / 8) with D = R^T R - I, of the R in T (4, 4), into the row."""
+    for i in range(3):
+        for j in range(3):
+            row[3 * i + j] = T[i, 0] * _off(T, 0, j) + T[i, 1] * _off(T, 1, j) + T[i, 2] * _off(T, 2, j)
+    for i in range(3):
+        a, b, c = row[3 * i], row[3 * i + 1], row[3 * i + 2]
+        for j in range(3):
+            second = a * _off(T, 0, j) + b * _off(T, 1, j) + c * _off(T, 2, j)
+            row[3 * i + j] = T[i, j] + (0.375 * second - 0.5 * row[3 * i + j])
+
+
+@bare_kernel
+def _off(T, i, j):
+    """An entry of R^T R - I."""
+    return T[0, i] * T[0, j] + T[1, i] * T[1, j] + T[2, i] * T[2, j] - (1.0 if i == j else 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import namedtuple
 
-from maira_qp.kernels.compilation import bare_kernel, inner_kernel
+from maira_qp.kernels.compilation import inner_kernel
 
 TickWork = namedtuple(
     "TickWork",
@@ -25,7 +25,6 @@ TickWork = namedtuple(
 """A kernel takes what it needs into local names first: it is slow to ask for a field in a loop."""
 
 
-@bare_kernel
 def memory_sizes(n, tasks, rows, levels):
     """How many numbers, and how many of int64, the work of a tick needs; `rows` of all tasks together."""
     most = max(rows, n)
