@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from threading import Event
 
 import numpy as np
@@ -227,22 +227,24 @@ class Compiled(ChainArrays):
         seed: np.ndarray,
         threads: int | None,
         progress: Progress | None,
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q (N, n), outcomes (N, 7), second outcomes (N, 6), NaN where nothing was left to do, as of `solve`.
+        q: np.ndarray,
+        put: Callable[[slice, np.ndarray, np.ndarray], object],
+    ) -> None:
+        """As `solve`, for targets (N, 12) from starts (N, n) or None: q (N, n) in place, the outcomes part by part.
 
-        The targets are (N, 12), the starts (N, n) or None.
+        `put` takes the part, its outcomes (k, 7), and second outcomes (k, 6), NaN where nothing was left to do; it is
+        called by several threads.
         """
-        count, shuffled = len(rows), bool(seed.any())
-        q, outcome, after = np.empty((count, self.robot.n)), np.empty((count, OUTCOME)), np.empty((count, SETTLED))
+        shuffled = bool(seed.any())
 
         def work(part: slice, halted: Event) -> None:
             targets, begin = rows[part], self._starts(None if starts is None else starts[part])
-            self._find(targets, begin, streams(targets, seed), shuffled, q[part], outcome[part], halted)
+            outcome = np.empty((len(targets), OUTCOME))
+            self._find(targets, begin, streams(targets, seed), shuffled, q[part], outcome, halted)
             if not halted.is_set():
-                after[part] = self._finish(targets, q[part], outcome[part])
+                put(part, outcome, self._finish(targets, q[part], outcome))
 
-        in_shares(work, count, SHARE, threads, progress)
-        return q, outcome, after
+        in_shares(work, len(rows), SHARE, threads, progress)
 
     def _search(
         self,

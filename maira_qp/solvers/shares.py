@@ -13,6 +13,9 @@ Progress = Callable[[int, int], object]
 NEVER = Event()
 """For work that nobody interrupts."""
 
+ROUNDS, LEAST = 4, 64
+"""A short list is cut into shares so small that every thread has so many, but not smaller than the least."""
+
 TELLING = 0.1
 """Seconds between two calls of `progress` where threads do the work."""
 
@@ -29,6 +32,9 @@ def in_shares(
     Ctrl-C, or an exception in one of them, sets the event that `work` is given: it should return soon then. No share is
     begun any more, and the exception is raised. `progress` is called by this thread.
     """
+    threads = threads or os.cpu_count() or 1
+    share = min(share, max(LEAST, -(-count // (ROUNDS * threads))))
+    threads = min(threads, -(-count // share))
     firsts, lock, halted, done = iter(range(0, count, share)), Lock(), Event(), 0
 
     def take() -> None:
@@ -42,12 +48,10 @@ def in_shares(
             work(part, halted)
             with lock:
                 done += part.stop - part.start
-            if threads == 1 and progress is not None:
+            if threads <= 1 and progress is not None:
                 progress(done, count)
 
-    threads = min(threads or os.cpu_count() or 1, -(-count // share))
     if threads <= 1:
-        threads = 1
         return take()
     pool = ThreadPoolExecutor(threads)
     try:

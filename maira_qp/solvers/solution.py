@@ -230,9 +230,9 @@ class BatchSolution(_OfRobot):
 
     @staticmethod
     def blank(setting: Setting, backend: str, count: int, asked: tuple[Priorities, np.ndarray]) -> BatchSolution:
-        """So many answers yet to be written: budget spent."""
+        """So many answers yet to be written: budget spent, at no q yet."""
         return BatchSolution(
-            q=np.zeros((count, setting.robot.n)),
+            q=np.empty((count, setting.robot.n)),
             success=np.zeros(count, dtype=bool),
             status=np.full(count, int(Status.BUDGET_SPENT)),
             position_error=np.full(count, np.nan),
@@ -254,26 +254,25 @@ class BatchSolution(_OfRobot):
             if name != "backend":
                 getattr(self, name)[i] = getattr(solution, name)
 
-    def put_search(self, q: np.ndarray, outcome: np.ndarray) -> None:
-        """Make these the answers: what the compiled search left in q (N, n) and outcome (N, 7)."""
-        reached = outcome[:, 0] > 0
-        self.q[:] = q
-        self.success[:] = self.optimal[:] = reached
-        self.status[reached] = Status.CONVERGED
-        self.position_error[:], self.orientation_error[:] = outcome[:, 4], outcome[:, 5]
-        self.iterations[:], self.restarts[:] = outcome[:, 2], outcome[:, 1]
-        self.start_projected[:] = outcome[:, 6] > 0
-
-    def put_finished(self, after: np.ndarray, proved: np.ndarray, tolerance: float) -> None:
-        """What was done after `put_search`, outcomes (N, 6), NaN where nothing was; what (N,) is out of reach."""
-        at = np.flatnonzero(~np.isnan(after[:, 0]))
-        reached, iterations, gradient, cost, position, orientation = after[at].T
+    def put_found(self, part: slice, outcome: np.ndarray, after: np.ndarray, tolerance: float) -> None:
+        """What the compiled engine, which wrote the q, found for a part: see `Compiled.solve_batch`."""
+        reached, proved = outcome[:, 0] > 0, outcome[:, 0] < 0
+        self.success[part] = self.optimal[part] = reached
+        self.status[part] = np.where(reached, Status.CONVERGED, Status.BUDGET_SPENT)
+        self.position_error[part], self.orientation_error[part] = outcome[:, 4], outcome[:, 5]
+        self.iterations[part], self.restarts[part] = outcome[:, 2], outcome[:, 1]
+        self.start_projected[part] = outcome[:, 6] > 0
+        finished = np.flatnonzero(~np.isnan(after[:, 0]))
+        if not len(finished):
+            return
+        at = part.start + finished
+        reached, iterations, gradient, cost, position, orientation = after[finished].T
         optimal = gradient <= tolerance
         self.success[at], self.optimal[at] = reached > 0, optimal
         self.status[at] = np.where(
             reached > 0,
             Status.CONVERGED,
-            np.where(proved[at], Status.UNREACHABLE, np.where(optimal, Status.NEAREST, Status.BUDGET_SPENT)),
+            np.where(proved[finished], Status.UNREACHABLE, np.where(optimal, Status.NEAREST, Status.BUDGET_SPENT)),
         )
         self.position_error[at], self.orientation_error[at] = position, orientation
         self.iterations[at] += iterations.astype(np.int64)

@@ -245,10 +245,10 @@ class Solver:
             check_preference(prefer, starts, self.redundancy)
             postures = [posture_at(start, metric, self.robot) for start in starts]  # type: ignore[union-attr]
         batch = BatchSolution.blank(self._setting, self.backend, len(rows), (self._priorities, rows))
-        batch.q[:] = self.robot.middle
         finite = np.isfinite(rows[:, 0, 0])
         engine = self._search_engine
         if postures is not None or engine is None or self.options.deadline is not None or not engine.takes(starts):
+            batch.q[:] = self.robot.middle
             for i in range(len(rows)):
                 if finite[i]:
                     targets = self._priorities.of_row(rows[i])
@@ -261,15 +261,21 @@ class Solver:
             return batch
         all_of_it = self._priorities.is_done_by_search or engine.settles
         told = progress if all_of_it else None  # else what takes the time is yet to come
-        q, outcome, after = engine.solve_batch(np.ascontiguousarray(rows[:, 0]), starts, words, threads, told)
-        batch.put_search(q, outcome)
-        batch.put_finished(after, outcome[:, 0] < 0.0, self.options.stationarity_tolerance)
-        left = finite & ~batch.optimal if all_of_it else finite
-        for i in np.flatnonzero(left).tolist():
-            batch.put(i, self._general.finish(q[i], outcome[i].tolist(), self._priorities.of_row(rows[i])))
+        left: dict[int, list[float]] = {}
+
+        def put(part: slice, outcome: np.ndarray, after: np.ndarray) -> None:
+            batch.put_found(part, outcome, after, self.options.stationarity_tolerance)
+            unfinished = finite[part] & ~batch.optimal[part] if all_of_it else finite[part]
+            for i in np.flatnonzero(unfinished).tolist():
+                left[part.start + i] = outcome[i].tolist()
+
+        one, q = np.ascontiguousarray(rows[:, 0]), batch.q
+        engine.solve_batch(one, starts, words, threads, told, q, put)
+        for i in sorted(left):
+            batch.put(i, self._general.finish(q[i].copy(), left[i], self._priorities.of_row(rows[i])))
             if progress is not None and not all_of_it:
                 progress(i + 1, len(rows))
-        if progress is not None and not all_of_it and not left[-1:].all():
+        if progress is not None and not (all_of_it or finite[-1:].all()):
             progress(len(rows), len(rows))
         return batch
 
