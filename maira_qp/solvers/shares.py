@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from threading import Event, Lock
@@ -13,8 +14,11 @@ Progress = Callable[[int, int], object]
 NEVER = Event()
 """For work that nobody interrupts."""
 
-ROUNDS, LEAST = 4, 64
-"""A short list is cut into shares so small that every thread has so many, but not smaller than the least."""
+ROUNDS, LEAST = 4, 256
+"""For several threads a short list is cut so that each has so many shares, none of them shorter than the least."""
+
+WORTH = 0.01
+"""Seconds of work left for which it is worth to start threads."""
 
 TELLING = 0.1
 """Seconds between two calls of `progress` where threads do the work."""
@@ -29,33 +33,45 @@ def in_shares(
 ) -> None:
     """Call `work` for slices that make up range(count), each at most a share long, on threads (None: one a processor).
 
-    Ctrl-C, or an exception in one of them, sets the event that `work` is given: it should return soon then. No share is
-    begun any more, and the exception is raised. `progress` is called by this thread.
+    The first are done by this thread; others begin if it takes long. Ctrl-C, or an exception in one of them, sets the
+    event that `work` is given: it should return soon then. No share is begun any more, and the exception is raised.
+    `progress` is called by this thread.
     """
     threads = threads or os.cpu_count() or 1
-    share = min(share, max(LEAST, -(-count // (ROUNDS * threads))))
-    threads = min(threads, -(-count // share))
+    if threads > 1:
+        share = min(share, max(LEAST, -(-count // (ROUNDS * threads))))
     firsts, lock, halted, done = iter(range(0, count, share)), Lock(), Event(), 0
 
-    def take() -> None:
+    def take() -> bool:
+        """Do one share; whether there was one."""
         nonlocal done
-        while not halted.is_set():
-            with lock:
-                first = next(firsts, count)
-            if first >= count:
-                return
-            part = slice(first, min(first + share, count))
-            work(part, halted)
-            with lock:
-                done += part.stop - part.start
-            if threads <= 1 and progress is not None:
-                progress(done, count)
+        with lock:
+            first = next(firsts, count)
+        if first >= count or halted.is_set():
+            return False
+        part = slice(first, min(first + share, count))
+        work(part, halted)
+        with lock:
+            done += part.stop - part.start
+        return True
 
-    if threads <= 1:
-        return take()
+    def take_all() -> None:
+        while take():
+            pass
+
+    begin = time.perf_counter()
+    while take():
+        if progress is not None:
+            progress(done, count)
+        seconds_left = (time.perf_counter() - begin) * (count - done) / done
+        if threads > 1 and count - done > share and seconds_left > WORTH:
+            break
+    threads = min(threads, -(-(count - done) // share))
+    if not threads:
+        return
     pool = ThreadPoolExecutor(threads)
     try:
-        left: set[Future[None]] = {pool.submit(take) for _ in range(threads)}
+        left: set[Future[None]] = {pool.submit(take_all) for _ in range(threads)}
         while left:
             ended, left = wait(left, None if progress is None else TELLING, FIRST_EXCEPTION)
             for each in ended:
