@@ -52,7 +52,7 @@ OUTCOME = 6
 ON_LIMIT = 1e-12
 """A step that ends as near to a limit [rad or m] ends on it."""
 
-MOST_STEPS = 30
+MOST_STEPS = 50
 """A walk that has not converged by then hardly will."""
 
 SMALL_WEIGHT = 1e-9
