@@ -73,28 +73,54 @@ class Compiled(ChainArrays):
         halted: Event = NEVER,
     ) -> None:
         """Search for q (N, n) that reach the targets (N, 12), and see whether those that resist are out of reach."""
-        last, problem = self.last_attempt, (rows, starts, streams, shuffled)
-        head = min(HEAD, last)
         if self.proofs.srs is not None and not len(starts):
-            if self.settles:
-                self._reach_near_posture(rows, q, outcome)
-                if outcome[:, SUCCESS].all():
-                    return
-            some = np.flatnonzero(outcome[:, SUCCESS] == 0.0) if self.settles else slice(None)
-            part_q, part = q[some], outcome[some]
-            self._reach_in_closed_form(rows[some], streams[some], shuffled, part_q, part)
-            q[some], outcome[some] = part_q, part
-            if outcome[:, SUCCESS].min() > 0.0:
+            self._find_in_closed_form(rows, starts, streams, shuffled, q, outcome, halted)
+        else:
+            self._find_by_descents(rows, starts, streams, shuffled, q, outcome, halted)
+
+    def _find_in_closed_form(
+        self,
+        rows: np.ndarray,
+        starts: np.ndarray,
+        streams: np.ndarray,
+        shuffled: bool,
+        q: np.ndarray,
+        outcome: np.ndarray,
+        halted: Event,
+    ) -> None:
+        """The same for an S-R-S arm, without starts: descents are left what is singular, and no nearest point found."""
+        some: slice | np.ndarray = slice(None)
+        if self.settles:
+            self._reach_near_posture(rows, q, outcome)
+            if outcome[:, SUCCESS].all():
                 return
-            proved, left = np.flatnonzero(outcome[:, SUCCESS] == PROVED), np.flatnonzero(outcome[:, SUCCESS] == 0.0)
-            self._approach_in_closed_form(rows, streams, shuffled, proved, q, outcome)
-            beyond = proved[~np.isfinite(outcome[proved, FINAL_COST])]
-            for some, end in ((beyond, head), (left, last)):
-                for part in _parts(some, end + 1, halted):
-                    q[part], outcome[part] = self._attempt(*problem, 0, end, part)
-            outcome[proved, SUCCESS] = PROVED
+            some = np.flatnonzero(outcome[:, SUCCESS] == 0.0)
+        some_q, some_outcome = q[some], outcome[some]
+        self._reach_in_closed_form(rows[some], streams[some], shuffled, some_q, some_outcome)
+        q[some], outcome[some] = some_q, some_outcome
+        if outcome[:, SUCCESS].min() > 0.0:
             return
-        self._search(*problem, 0, head, q, outcome)
+        proved, left = np.flatnonzero(outcome[:, SUCCESS] == PROVED), np.flatnonzero(outcome[:, SUCCESS] == 0.0)
+        self._approach_in_closed_form(rows, streams, shuffled, proved, q, outcome)
+        beyond = proved[~np.isfinite(outcome[proved, FINAL_COST])]
+        for open_ones, last in ((beyond, min(HEAD, self.last_attempt)), (left, self.last_attempt)):
+            for part in _parts(open_ones, last + 1, halted):
+                q[part], outcome[part] = self._attempt(rows, starts, streams, shuffled, 0, last, part)
+        outcome[proved, SUCCESS] = PROVED
+
+    def _find_by_descents(
+        self,
+        rows: np.ndarray,
+        starts: np.ndarray,
+        streams: np.ndarray,
+        shuffled: bool,
+        q: np.ndarray,
+        outcome: np.ndarray,
+        halted: Event,
+    ) -> None:
+        """The same for any chain: some descents at each target, then proofs, then the others at what resists."""
+        last, head = self.last_attempt, min(HEAD, self.last_attempt)
+        self._search(rows, starts, streams, shuffled, 0, head, q, outcome)
         if outcome[:, SUCCESS].all():
             return
         left = np.flatnonzero((outcome[:, SUCCESS] == 0.0) & np.isfinite(outcome[:, FINAL_COST]))
@@ -103,7 +129,7 @@ class Compiled(ChainArrays):
             outcome[part[proved], SUCCESS] = PROVED
             resisting = part[~proved]
             if head < last and len(resisting):
-                found_q, found = self._attempt(*problem, head + 1, last, resisting)
+                found_q, found = self._attempt(rows, starts, streams, shuffled, head + 1, last, resisting)
                 found[:, SPENT] += outcome[resisting, SPENT]
                 worse = (found[:, SUCCESS] == 0.0) & (outcome[resisting, FINAL_COST] <= found[:, FINAL_COST])
                 found[worse, FINAL_COST:] = outcome[resisting[worse], FINAL_COST:]
