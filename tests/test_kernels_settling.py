@@ -128,8 +128,8 @@ def reached_starts(robot: mq.Robot, rng, count: int, task=None) -> tuple[np.ndar
 def compare(problem: Problem, rows: np.ndarray, starts: np.ndarray, within: float = 1e-5) -> tuple[int, int, int]:
     """How many settle where the general engine does, how many are optimal there, and how many here.
 
-    But near singularities, where an error of 1e-6 is worth a lot, Strict regains the pose to 1e-11, and is no worse than
-    what the start becomes by that.
+    But near singularities, where an error of 1e-6 is worth a lot, Strict regains the pose to 1e-11: it is to be no
+    worse than what the start becomes by that.
     """
     same = optimal = found = regained = 0
     for row, start in zip(rows, starts, strict=True):
