@@ -14,8 +14,8 @@ EXACT = 1e-14
 def pose_row(T, within, row):
     """R by rows and p of a transformation T (4, 4) into `row` (12,), R made the nearest rotation; or what is wrong.
 
-    R may be off orthonormal by `within`, which must be small: the one step that is taken, of the Newton-Schulz family
-    for the polar factor, leaves about a third of its cube (Higham, "Functions of matrices", 2008, chapter 8).
+    R may be off orthonormal by `within`, which must be small: the polar factor is the sum of a series, of which four
+    terms are exact to rounding then (Higham, "Functions of matrices", 2008, chapter 8).
     """
     total = 0.0
     for i in range(4):
@@ -63,15 +63,14 @@ def _deviation(row):
 
 @bare_kernel
 def _make_orthonormal(T, row):
-    """R (I - D / 2 + 3 D^2 / 8) with D = R^T R - I, of the R in T (4, 4), into the row."""
-    for i in range(3):
-        for j in range(3):
-            row[3 * i + j] = T[i, 0] * _off(T, 0, j) + T[i, 1] * _off(T, 1, j) + T[i, 2] * _off(T, 2, j)
-    for i in range(3):
-        a, b, c = row[3 * i], row[3 * i + 1], row[3 * i + 2]
-        for j in range(3):
-            second = a * _off(T, 0, j) + b * _off(T, 1, j) + c * _off(T, 2, j)
-            row[3 * i + j] = T[i, j] + (0.375 * second - 0.5 * row[3 * i + j])
+    """R (I - D / 2 + 3 D^2 / 8 - 5 D^3 / 16) with D = R^T R - I, of the R in T (4, 4), into the row."""
+    for k in range(9):
+        row[k] = -0.3125 * T[k // 3, k % 3]
+    for coefficient in (0.375, -0.5, 1.0):  # Horner's rule
+        for i in range(3):
+            a, b, c = row[3 * i], row[3 * i + 1], row[3 * i + 2]
+            for j in range(3):
+                row[3 * i + j] = coefficient * T[i, j] + (a * _off(T, 0, j) + b * _off(T, 1, j) + c * _off(T, 2, j))
 
 
 @bare_kernel
