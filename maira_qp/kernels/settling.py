@@ -68,8 +68,9 @@ def settle(chain, settings, targets, reference, weights, weight, settling, q, ou
     Not a kernel, but three of them, so that those that few targets need are compiled when one does.
     """
     settle_in_lanes(chain, settings, targets, reference, weights, settling, q, outcome)
-    if outcome[:, PROJECTED_GRADIENT].max(initial=0.0) == np.inf:
-        left = np.flatnonzero(outcome[:, PROJECTED_GRADIENT] == np.inf)
+    alone = outcome[:, PROJECTED_GRADIENT] == np.inf
+    if alone.any():
+        left = np.flatnonzero(alone)
         some, told = q[left], outcome[left]
         settle_alone(chain, settings, targets[left], reference, weights, settling, some, told)
         q[left], outcome[left] = some, told

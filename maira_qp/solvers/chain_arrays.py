@@ -6,7 +6,7 @@ One task of the tip of a serial chain with box limits, and, if there is a redund
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -32,6 +32,9 @@ from maira_qp.solvers.options import Options
 from maira_qp.solvers.priorities import Priorities
 from maira_qp.solvers.proofs import Proofs
 from maira_qp.solvers.targets import row_of
+
+if TYPE_CHECKING:
+    from typing import Self  # not in Python 3.10
 
 EXACT = 1e-12
 """Errors [m, rad] at which a descent that is to be exact ends."""
