@@ -35,9 +35,11 @@ def arm(name: str) -> mq.Robot:
     return mq.Robot.maira() if name == "maira" else load(name)
 
 
-def compiled(robot: mq.Robot, task: FrameTask | None = None, **options) -> Compiled:
+def compiled(
+    robot: mq.Robot, task: FrameTask | None = None, redundancy: mq.Strict | None = None, **options
+) -> Compiled:
     """The arrays of a problem."""
-    problem = mq.Solver(robot, task=task, options=mq.Options(**options))._compiled
+    problem = mq.Solver(robot, task=task, redundancy=redundancy, options=mq.Options(**options))._compiled
     assert problem is not None
     return problem
 

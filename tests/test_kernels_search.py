@@ -9,6 +9,7 @@ from compiled_problems import arm, compiled, configurations, few, nine_robots, r
 from test_kernels_starts import features_of, nearest_of, poses_of, start_of
 
 import maira_qp as mq
+from maira_qp.kernels.chain import START_LOWER, START_UPPER
 from maira_qp.kernels.descent import MAX_ITERATIONS
 from maira_qp.kernels.lanes import LANES
 from maira_qp.kernels.random_numbers import state_of, stream_of
@@ -287,7 +288,7 @@ def test_attempts_begin_at_the_start_then_at_the_nearest_of_the_library_then_at_
             state = int(state_of(np.uint64(stream), attempt))
             expected.append(start_of(problem, row, problem.candidates, attempt % CORNER == 1, state))
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)
-        corners = ((found == robot.drawn_range[0]) | (found == robot.drawn_range[1])).all(axis=1)
+        corners = (found[:, :, None] == problem.chain[:-1, [START_LOWER, START_UPPER]]).any(axis=2).all(axis=1)
         assert corners[LANES + with_start :].sum() == sum(k % CORNER == 1 for k in range(LANES + with_start, count))
 
 

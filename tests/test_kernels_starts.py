@@ -18,9 +18,11 @@ import maira_qp as mq
 from maira_qp.kernels.chain import START_LOWER, START_UPPER
 from maira_qp.kernels.lanes import LANES
 from maira_qp.kernels.random_numbers import state_of, stream_of
-from maira_qp.kernels.starts import FEATURES, fill_library, find_nearest, random_start
+from maira_qp.kernels.starts import FEATURES, SQUARE, fill_library, find_nearest, random_start
 from maira_qp.problem.costs import TaskCost
+from maira_qp.robots.whole_turns import WholeTurns
 from maira_qp.solvers.compiled import Compiled
+from maira_qp.solvers.library import MIDDLE_SHARE
 from maira_qp.solvers.targets import pose_of
 
 
@@ -90,22 +92,41 @@ def test_what_is_found_does_not_depend_on_what_stood_there(rng):
 @nine_robots
 def test_the_library_lies_within_the_limits_and_knows_its_poses(name):
     problem = compiled(arm(name))
-    lower, upper = problem.robot.drawn_range
-    assert (problem.library >= lower).all()
-    assert (problem.library <= upper).all()
+    lower, upper = WholeTurns(problem.robot, problem.robot.middle).window
+    np.testing.assert_array_equal(problem.chain[:-1, [START_LOWER, START_UPPER]], np.column_stack([lower, upper]))
+    corners = (problem.library[:, None] == np.stack(problem.robot.drawn_range)).any(axis=1).all(axis=1)
+    assert 2 <= corners.sum() <= 128
+    assert (problem.library[~corners] >= lower).all()
+    assert (problem.library[~corners] <= upper).all()
     assert len(np.unique(problem.library, axis=0)) > 0.95 * len(problem.library)  # corners may be in it twice
     poses = poses_of(problem, problem.library)
-    np.testing.assert_array_equal(features_of(problem, poses), problem.features)
+    np.testing.assert_array_equal(features_of(problem, poses)[:, :SQUARE], problem.features[:, :SQUARE])
     poses[:, :9] *= problem.settings[1] * np.sqrt(0.5)
     poses[:, 9:] *= problem.settings[0]
-    expected = np.column_stack([poses, (poses**2).sum(axis=1)]).reshape(-1, LANES, FEATURES).swapaxes(1, 2)
+    limited = upper - lower < 2 * np.pi - 1e-9
+    off = np.square(problem.library - problem.robot.middle) @ limited
+    off = np.minimum(off, off.mean())
+    off *= MIDDLE_SHARE * np.square(poses - poses.mean(axis=0)).sum(axis=1).mean() / max(off.mean(), 1e-300)
+    expected = np.column_stack([poses, (poses**2).sum(axis=1) + off]).reshape(-1, LANES, FEATURES).swapaxes(1, 2)
     np.testing.assert_allclose(problem.features, expected, rtol=1e-11, atol=1e-12)
+
+
+@pytest.mark.parametrize("weights", [1.0, 1e6, [0.0, 0.0, 3.0, 0.0, 0.0, 1.0, 0.0]])
+def test_starts_are_near_the_posture_that_is_wished_for(weights, panda, rng):
+    """Nearer than without a wish, and none the farther for the size of the weights."""
+    posture = mq.Posture(panda.random_configuration(rng), weights).of(panda)
+    rows, mean = reachable_rows(panda, rng, 50), []
+    for wish in (None, mq.Strict(posture)):
+        problem = compiled(panda, mq.PoseTask(), wish)
+        starts = np.array([problem.library[nearest_of(problem, problem.features, row)[0]] for row in rows])
+        mean.append((np.square(starts - posture.q_ref) @ posture.weights).mean())
+    assert mean[1] < 0.7 * mean[0]
 
 
 def draws(problem: Compiled, state: int, count: int, at_corner: bool) -> np.ndarray:
     """The configurations (count, n) that a stream's numbers make: the slow twin of what `random_start` looks at."""
     q = np.empty((count, problem.robot.n))
-    lower, upper = problem.robot.drawn_range
+    lower, upper = problem.chain[:-1, START_LOWER], problem.chain[:-1, START_UPPER]
     for k in range(count):
         for i in range(problem.robot.n):
             bits, state = splitmix(state)[0], (state + 0x9E3779B97F4A7C15) % 2**64
@@ -139,7 +160,8 @@ def test_a_random_start_is_the_best_of_its_draws(name, candidates, at_corner, rn
         assert cost.value(robot.at(found)) == pytest.approx(values.min(), rel=1e-12)
         assert np.abs(q - found).max(axis=1).min() < 1e-14
         if at_corner:
-            assert ((found == robot.drawn_range[0]) | (found == robot.drawn_range[1])).all()
+            ends = problem.chain[:-1, [START_LOWER, START_UPPER]]
+            assert (found[:, None] == ends).any(axis=1).all()
 
 
 def test_a_random_start_toward_nan_is_a_configuration_all_the_same():

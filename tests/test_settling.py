@@ -6,6 +6,7 @@ from conftest import load
 
 import maira_qp as mq
 from maira_qp.problem.objectives import Objective
+from maira_qp.solvers import compiled
 
 OBJECTIVES = {
     "posture": mq.Posture(),
@@ -51,6 +52,30 @@ def test_strict_ends_where_the_objective_is_optimal_along_the_self_motion(arm, n
             assert free_gradient(robot, s.q, objective.gradient(robot.at(s.q))) <= 1e-5
     assert optimal >= 39  # a self-motion may end in a singularity, where no projected gradient tells
     assert at_a_limit > 0 or name == "limit distance"
+
+
+def test_what_a_fold_of_the_self_motion_holds_up_is_settled_from_its_other_side(monkeypatch):
+    """The optimum is proved, the objective about as good, and in a batch as alone; all others stay as they were."""
+    robot, rng = load("talos_arm"), np.random.default_rng(1)
+    q = rng.uniform(*robot.drawn_range, (16000, robot.n))
+    solver, targets = mq.Solver(robot, redundancy=mq.Strict(mq.Posture())), np.array(list(map(robot.forward, q)))
+    batch = solver.solve_batch(targets)
+    with monkeypatch.context() as patch:
+        patch.setattr(compiled, "ELSEWHERE", 0)
+        held_up = solver.solve_batch(targets)
+    moved = np.flatnonzero((batch.q != held_up.q).any(axis=1))
+    assert len(moved) >= 2
+    assert batch.success.all()
+    assert (~batch.optimal).sum() <= (~held_up.optimal).sum() - 2
+    for i in moved:
+        assert batch.restarts[i] > held_up.restarts[i]
+        assert free_gradient(robot, batch.q[i], batch.q[i] - robot.middle) <= 1e-4
+        assert batch.cost[i] <= 1.03 * held_up.cost[i]
+        alone = solver.solve(targets[i])
+        np.testing.assert_array_equal(alone.q, batch.q[i])
+        assert alone.optimal
+        begun = solver.solve(targets[i], q0=held_up.q[i])
+        np.testing.assert_allclose(begun.q, held_up.q[i], atol=0.1)
 
 
 @pytest.mark.parametrize("arm", ["tiago", "g1_arm", "panda_finger"])

@@ -40,7 +40,7 @@ def check(robot, target, solutions):
 
 def missing(solutions, others, robot):
     """How many of others are not among solutions, turns aside."""
-    turns = WholeTurns.of(robot, robot.middle)
+    turns = WholeTurns(robot, robot.middle)
     return sum(not (turns.apart(q, solutions) <= 1e-6).any() for q in others)
 
 

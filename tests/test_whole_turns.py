@@ -1,13 +1,17 @@
 """Angles that differ by whole turns, against all turns tried one by one."""
 
+from functools import partial
 from itertools import product
 
 import numpy as np
 import pytest
+from compiled_problems import arm
 from conftest import random_table
 
 import maira_qp as mq
-from maira_qp.robots.whole_turns import WholeTurns
+from maira_qp.kernels.whole_turns import unwind
+from maira_qp.robots.serial_chain import chain_of
+from maira_qp.robots.whole_turns import FARTHEST, WholeTurns
 
 PI = np.pi
 
@@ -32,7 +36,7 @@ def robot():
 
 
 def test_all_turns_are_those_that_fit(robot, rng):
-    turns = WholeTurns.of(robot, robot.middle)
+    turns = WholeTurns(robot, robot.middle)
     assert turns.revolute.tolist() == [True, True, False, True]
     assert turns.everywhere.tolist() == [True, False, False, False]
     for _ in range(30):
@@ -46,7 +50,7 @@ def test_all_turns_are_those_that_fit(robot, rng):
 
 
 def test_the_nearest_turns_are_kept_where_there_are_too_many(robot, rng):
-    turns = WholeTurns.of(robot, np.array([6.0, 8.0, 3.0, 0.0]))
+    turns = WholeTurns(robot, np.array([6.0, 8.0, 3.0, 0.0]))
     q = np.array([0.5, 8.0, 3.0, 0.2])
     found, complete = turns.all_within(q[None], 1)
     np.testing.assert_allclose(found, [[0.5 + 2 * PI, 8.0, 3.0, 0.2]])
@@ -55,7 +59,7 @@ def test_the_nearest_turns_are_kept_where_there_are_too_many(robot, rng):
 
 
 def test_what_no_turn_brings_within_the_limits_is_left_out(robot):
-    turns = WholeTurns.of(robot, robot.middle)
+    turns = WholeTurns(robot, robot.middle)
     inside, outside = np.array([0.0, 5.0, 3.0, 0.0]), np.array([0.0, 5.0, 3.0, 1.2])
     sliding = np.array([0.0, 5.0, 3.0 + 20.0, 0.0])
     np.testing.assert_array_equal(turns.within(np.array([inside, outside, sliding])), [inside])
@@ -65,7 +69,7 @@ def test_what_no_turn_brings_within_the_limits_is_left_out(robot):
 
 def test_a_continuous_joint_comes_nearest_to_the_reference(pr2_arm, rng):
     reference = np.where(np.isinf(pr2_arm.upper), 40.0, pr2_arm.middle)
-    turns, q = WholeTurns.of(pr2_arm, reference), pr2_arm.random_configuration(rng)
+    turns, q = WholeTurns(pr2_arm, reference), pr2_arm.random_configuration(rng)
     found, complete = turns.all_within(q[None], 100)
     assert complete
     assert np.abs(found - reference)[:, np.isinf(pr2_arm.upper)].max() <= PI + 1e-9
@@ -75,7 +79,51 @@ def test_a_continuous_joint_comes_nearest_to_the_reference(pr2_arm, rng):
 def test_turns_change_no_pose(rng):
     for _ in range(10):
         robot = mq.Robot.from_dh(random_table(rng, 5))
-        turns, q = WholeTurns.of(robot, robot.middle), robot.random_configuration(rng)
+        turns, q = WholeTurns(robot, robot.middle), robot.random_configuration(rng)
         wound = q + 2 * PI * turns.revolute * rng.integers(-2, 3, 5)
         assert np.abs(mq.pose_error(robot.forward(wound), robot.forward(q))).max() < 1e-12
         assert turns.apart(q, turns.within(wound[None])).max() < 1e-12
+
+
+def test_the_window_is_a_turn_within_the_limits_around_the_reference(robot, pr2_arm):
+    for reference, first in ((0.5, 0.5 - PI), (-7.0, -7.0), (20.0, 7.5 - 2 * PI)):
+        lower, upper = WholeTurns(robot, np.array([reference, 0.0, 0.0, 0.0])).window
+        np.testing.assert_allclose(lower, [first, 4.0, 0.0, -1.0])
+        np.testing.assert_allclose(upper, [first + 2 * PI, 9.0, 20.0, 1.0])
+        assert (robot.lower <= lower).all()
+        assert (upper <= robot.upper).all()
+    endless = np.isinf(pr2_arm.lower)
+    assert endless.any()
+    for reference in (-3.0, 0.0, 100.0, 1e300):
+        lower, upper = WholeTurns(pr2_arm, np.full(7, reference)).window
+        np.testing.assert_allclose((upper - lower)[endless], 2 * PI)
+        np.testing.assert_allclose((0.5 * (lower + upper))[endless], min(reference, FARTHEST))
+        np.testing.assert_array_equal(lower[~endless], pr2_arm.lower[~endless])
+
+
+@pytest.mark.parametrize("name", ["maira", "pr2_arm", "ur5", "xarm7", "tiago"])
+def test_the_kernel_unwinds_as_this_does(name, rng):
+    robot = arm(name)
+    reference = rng.uniform(-9.0, 9.0, robot.n)
+    q = np.array([robot.random_configuration(rng) for _ in range(60)])
+    q[:, np.isinf(robot.lower)] *= 30.0
+    reached = rng.choice([-1.0, 0.0, 1.0], len(q))
+    expected = np.where(reached[:, None] > 0, WholeTurns(robot, reference).within(q), q)
+    unwind(chain_of(robot), reference, reached, q)
+    np.testing.assert_allclose(q, expected, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("redundancy", [mq.Strict, partial(mq.Weighted, weight=1e-6)])
+@pytest.mark.parametrize("backend", ["compiled", "daqp"])
+def test_a_posture_draws_joints_to_the_turn_nearest_to_it_unless_a_start_says_otherwise(backend, redundancy, ur5, rng):
+    posture = ur5.random_configuration(rng)
+    solver = mq.Solver(ur5, redundancy=redundancy(mq.Posture(posture)), backend=backend)
+    turns, others = WholeTurns(ur5, posture), 0
+    for _ in range(12):
+        q = ur5.random_configuration(rng)
+        found, stayed = solver.solve(ur5.forward(q)), solver.solve(ur5.forward(q), q0=q)
+        assert found.position_error < 1e-4
+        np.testing.assert_allclose(turns.within(found.q[None])[0], found.q, atol=1e-9)
+        np.testing.assert_allclose(stayed.q, q, atol=0.1)
+        others += np.abs(turns.within(q[None])[0] - q).max() > 6
+    assert others > 3

@@ -20,8 +20,10 @@ from maira_qp.kernels.random_numbers import next_random
 CORNER = 4
 """One random start in so many is a corner of the limits."""
 
-FEATURES = 13
-"""Numbers kept of a pose: R and p, weighted so that half a squared distance is near the pose cost, and their square."""
+SQUARE, FEATURES = 12, 13
+"""Numbers kept of a pose: R and p, weighted so that half a squared distance is near the pose cost, and their square.
+
+To the square may be added what else counts against starting there, as twice a cost."""
 
 
 @bare_kernel
@@ -34,7 +36,7 @@ def fill_library(settings, poses, features):
             feature = poses[k, i] * (turning if i < 9 else moving)
             features[k // LANES, i, k % LANES] = feature
             square += feature * feature
-        features[k // LANES, 12, k % LANES] = square
+        features[k // LANES, SQUARE, k % LANES] = square
 
 
 @bare_kernel
@@ -57,7 +59,7 @@ def find_nearest(settings, features, target, work, nearest):
         b = load2(features, k, 3) * t3 + load2(features, k, 4) * t4 + load2(features, k, 5) * t5
         c = load2(features, k, 6) * t6 + load2(features, k, 7) * t7 + load2(features, k, 8) * t8
         d = load2(features, k, 9) * t9 + load2(features, k, 10) * t10 + load2(features, k, 11) * t11
-        distance = load2(features, k, 12) - 2.0 * ((a + b) + (c + d))  # squared, less the target's own square
+        distance = load2(features, k, SQUARE) - 2.0 * ((a + b) + (c + d))  # squared, less the target's own square
         nearer = distance < least
         least, block = select(nearer, distance, least), select(nearer, 1.0 * k, block)
     store(work, 0, least)

@@ -33,6 +33,11 @@ class Weighted:
         """The same with its objective made for this robot."""
         return Weighted(self.objective.of(robot), self.weight)
 
+    @property
+    def objectives(self) -> tuple[Objective]:
+        """The objective."""
+        return (self.objective,)
+
 
 @dataclass(frozen=True, init=False)
 class Strict:

@@ -223,9 +223,7 @@ class Robot:
         """A configuration (n,) uniform within the limits, a continuous joint in [-pi, pi]. Raises `OptionError`."""
         if not isinstance(rng, np.random.Generator):
             raise OptionError(f"rng must be a numpy.random.Generator, such as default_rng(0), got {rng!r:.80}")
-        lower, upper = self.drawn_range
-        share = rng.random(self.n)
-        return np.clip((1 - share) * lower + share * upper, lower, upper)
+        return drawn(rng, *self.drawn_range)
 
     def clip(self, q: Any) -> np.ndarray:
         """The configuration (n,) within the limits that is nearest to q (n,). Raises `ConfigurationError`."""
@@ -250,6 +248,12 @@ class Robot:
 
     def __reduce__(self) -> tuple[type[Robot], tuple[Chain, DHTable | None]]:
         return Robot, (self._chain, self.dh)
+
+
+def drawn(rng: np.random.Generator, lower: np.ndarray, upper: np.ndarray, *count: int) -> np.ndarray:
+    """Configurations (*count, n), uniform between lower and upper ends (n,)."""
+    share = rng.random((*count, len(lower)))
+    return np.clip((1 - share) * lower + share * upper, lower, upper)
 
 
 def condition_numbers(J: np.ndarray) -> np.ndarray:

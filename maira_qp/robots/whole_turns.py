@@ -7,34 +7,43 @@ from itertools import product
 
 import numpy as np
 
-from maira_qp.kernels.chain import PRISMATIC
 from maira_qp.robots.robot import Robot
-from maira_qp.robots.serial_chain import chain_of
 
 WITHIN = 1e-9
 """A joint beyond a limit by at most this [rad or m] is at the limit: it is clipped."""
+FARTHEST = 1e4
+"""The window of a continuous joint is no farther from zero [rad]."""
 _TURN = 2 * np.pi
 
 
 @dataclass(frozen=True, eq=False)
 class WholeTurns:
-    """The turns of a chain's joints, counted to stay near a reference."""
+    """The turns of a robot's joints, counted to stay near a reference."""
 
     robot: Robot
     reference: np.ndarray
     """(n,) [rad or m]"""
-    revolute: np.ndarray
-    """Which joints (n,) turn"""
 
-    @staticmethod
-    def of(robot: Robot, reference: np.ndarray) -> WholeTurns:
-        """Of a robot that is a chain."""
-        return WholeTurns(robot, reference, chain_of(robot)[:-1, PRISMATIC] == 0.0)
+    @property
+    def revolute(self) -> np.ndarray:
+        """Which joints (n,) turn."""
+        return ~self.robot.slides
 
     @property
     def everywhere(self) -> np.ndarray:
         """Which joints (n,) have every angle within their limits: their range is a turn or more."""
         return np.asarray(self.revolute & (self.robot.upper - self.robot.lower >= _TURN))
+
+    @property
+    def window(self) -> tuple[np.ndarray, np.ndarray]:
+        """The limits (n,) and (n,), where joints have a turn or more the turn of them that is around the reference.
+
+        As far as the limits let it be; and as numbers do, which become too coarse for an angle.
+        """
+        lower, upper, half = self.robot.lower, self.robot.upper, 0.5 * _TURN
+        middle = np.clip(np.clip(self.reference, lower + half, upper - half), -FARTHEST, FARTHEST)
+        first, last = np.maximum(middle - half, lower), np.minimum(middle + half, upper)
+        return np.where(self.everywhere, first, lower), np.where(self.everywhere, last, upper)
 
     def unwound(self, q: np.ndarray) -> np.ndarray:
         """The configuration (n,) with the turns taken off that `everywhere` joints have made."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from maira_qp.kernels.chain import LOWER, UPPER
+from maira_qp.kernels.chain import LOWER, START_LOWER, START_UPPER, UPPER
 from maira_qp.kernels.descent import (
     LEAST_DAMPING,
     MAX_ITERATIONS,
@@ -18,20 +18,18 @@ from maira_qp.kernels.descent import (
     POSITION_TOLERANCE,
     STALL_RATIO,
 )
-from maira_qp.kernels.lanes import LANES
 from maira_qp.kernels.search import FARTHEST_START
-from maira_qp.kernels.starts import FEATURES, fill_library
 from maira_qp.problem.objectives import LimitDistance, Posture
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.robots.robot import Robot
 from maira_qp.robots.serial_chain import chain_of
+from maira_qp.robots.whole_turns import WholeTurns
 from maira_qp.solvers import descent, settling
-from maira_qp.solvers.library import LIBRARY, starting_library
+from maira_qp.solvers.library import library_features, starting_library
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.priorities import Priorities
 from maira_qp.solvers.proofs import Proofs
-from maira_qp.solvers.targets import row_of
 
 if TYPE_CHECKING:
     from typing import Self  # not in Python 3.10
@@ -68,6 +66,8 @@ class ChainArrays:
     settling: np.ndarray
     """(7,) see `maira_qp.kernels.lane_walk`"""
     proofs: Proofs
+    turns: WholeTurns | None
+    """Counted to stay near the posture that is wished for, where joints have a turn or more"""
 
     @classmethod
     def of(cls, priorities: Priorities, options: Options) -> Self | str:
@@ -111,9 +111,9 @@ class ChainArrays:
                 settling.RESOLUTION,
             ]
         )
-        chain, library = chain_of(robot), starting_library(robot)
-        features = np.empty((LIBRARY // LANES, FEATURES, LANES))
-        fill_library(settings, np.array([row_of(robot.at(q).placement(None)) for q in library]), features)
+        turns, chain = priorities.turns, chain_of(robot)
+        chain[:-1, START_LOWER], chain[:-1, START_UPPER] = turns.window
+        library = starting_library(robot, *turns.window)
         proofs = Proofs.of(priorities, options)
         assert proofs is not None
         return cls(
@@ -121,12 +121,13 @@ class ChainArrays:
             chain,
             settings,
             library,
-            features,
+            library_features(robot, library, settings, priorities.posture),
             options.start_candidates,
             options.max_restarts,
             None if priorities.below else _posture(robot, priorities.redundancy),
             constants,
             proofs,
+            turns if priorities.posture is not None and turns.everywhere.any() else None,
         )
 
     def takes(self, starts: np.ndarray | None) -> bool:
@@ -160,9 +161,8 @@ def _posture(robot: Robot, redundancy: Weighted | Strict | None) -> np.ndarray |
     """What `ChainArrays.redundancy` holds of a redundancy that was made for the robot."""
     kind, weight, posture = NONE, 0.0, Posture().of(robot)
     if redundancy is not None:
-        objectives = redundancy.objectives if isinstance(redundancy, Strict) else (redundancy.objective,)
-        objective = objectives[0]
-        if len(objectives) > 1 or not isinstance(objective, (Posture, LimitDistance)):
+        objective = redundancy.objectives[0]
+        if len(redundancy.objectives) > 1 or not isinstance(objective, (Posture, LimitDistance)):
             return None
         kind, weight = (STRICT, 0.0) if isinstance(redundancy, Strict) else (WEIGHTED, redundancy.weight)
         posture = objective if isinstance(objective, Posture) else objective.as_posture

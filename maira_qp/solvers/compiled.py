@@ -10,13 +10,14 @@ import numpy as np
 from maira_qp.kernels.best_swivel import ROWS, reach_near_posture
 from maira_qp.kernels.blocked import FLOATS, INTEGERS, PIECES
 from maira_qp.kernels.closed_form_search import reach_in_closed_form
-from maira_qp.kernels.lane_walk import MAX_SETTLING, PROJECTED_GRADIENT, REACHED, STATIONARITY_TOLERANCE
+from maira_qp.kernels.lane_walk import MAX_SETTLING, OBJECTIVE, PROJECTED_GRADIENT, REACHED, STATIONARITY_TOLERANCE
 from maira_qp.kernels.lane_walk import OUTCOME as SETTLED
 from maira_qp.kernels.lanes import LANES
 from maira_qp.kernels.nearest import nearest_points
 from maira_qp.kernels.nearest_in_closed_form import nearest_in_closed_form
 from maira_qp.kernels.rigid import FINE
 from maira_qp.kernels.search import (
+    ATTEMPT,
     FINAL_COST,
     OUTCOME,
     PROVED,
@@ -27,6 +28,7 @@ from maira_qp.kernels.search import (
     search,
 )
 from maira_qp.kernels.settling import settle
+from maira_qp.kernels.whole_turns import unwind
 from maira_qp.orientation import ORTHONORMAL_WITHIN
 from maira_qp.solvers.chain_arrays import KIND, WEIGHT, WEIGHTED, ChainArrays
 from maira_qp.solvers.descent import Budget
@@ -37,6 +39,11 @@ from maira_qp.solvers.targets import SEED_0, streams
 SHARE, ATTEMPTS = 1024, 30_000
 """Targets of a batch that a thread takes up at a stretch, and the most attempts at those that resist. Long enough that
 threads seldom meet in Python, short enough that Ctrl-C is heard."""
+
+
+ELSEWHERE, WORTH = 6, 1.02
+"""Other ways to the pose from which the redundancy is settled where it was not at first, at most; and how much larger
+its objective may be there. In a fold of the self-motion the tolerances of the pose are worth a percent of it."""
 
 
 class Compiled(ChainArrays):
@@ -53,9 +60,10 @@ class Compiled(ChainArrays):
         q, outcome, after, starts = np.empty((1, self.robot.n)), np.empty((1, OUTCOME)), [], self._starts(q0)
         fault = admit(T, ORTHONORMAL_WITHIN, starts, seed, row, stream)
         if fault == FINE:
-            self._find(row, starts, stream, seed is not SEED_0 and bool(seed.any()), q, outcome)
+            shuffled = seed is not SEED_0 and bool(seed.any())
+            self._find(row, starts, stream, shuffled, q, outcome)
             if self.settles or not outcome[0, SUCCESS] > 0.0:
-                after = self._finish(row, q, outcome).ravel().tolist()
+                after = self._finish(row, starts, stream, shuffled, q, outcome).ravel().tolist()
         return fault, q[0], outcome[0].tolist(), after
 
     def _starts(self, q0: np.ndarray | None) -> np.ndarray:
@@ -72,11 +80,16 @@ class Compiled(ChainArrays):
         outcome: np.ndarray,
         halted: Event = NEVER,
     ) -> None:
-        """Search for q (N, n) that reach the targets (N, 12), and see whether those that resist are out of reach."""
+        """Search for q (N, n) that reach the targets (N, 12), and see whether those that resist are out of reach.
+
+        Without starts a joint that has a turn or more ends at the one that is nearest to the posture wished for.
+        """
         if self.proofs.srs is not None and not len(starts):
             self._find_in_closed_form(rows, starts, streams, shuffled, q, outcome, halted)
         else:
             self._find_by_descents(rows, starts, streams, shuffled, q, outcome, halted)
+        if self.turns is not None and not len(starts):
+            unwind(self.chain, self.turns.reference, outcome[:, SUCCESS], q)
 
     def _find_in_closed_form(
         self,
@@ -190,7 +203,50 @@ class Compiled(ChainArrays):
         weight = own[WEIGHT] if own[KIND] == WEIGHTED else 0.0
         settle(self.chain, self.settings, rows, own[2 : 2 + n], own[2 + n :], weight, self.settling, q, after)
 
-    def _finish(self, rows: np.ndarray, q: np.ndarray, outcome: np.ndarray) -> np.ndarray:
+    def _settle_elsewhere(
+        self,
+        rows: np.ndarray,
+        streams: np.ndarray,
+        shuffled: bool,
+        k: int,
+        q: np.ndarray,
+        outcome: np.ndarray,
+        after: np.ndarray,
+    ) -> None:
+        """Try to settle target k, which resists, from where later attempts reach it: q and both outcomes in place.
+
+        In a narrow fold of the self-motion steps are short, and a walk stops; from its other side it may be easy.
+        """
+        starts, some, begun = np.empty((0, self.robot.n)), np.array([k]), outcome[k, ATTEMPT]
+        for _ in range(ELSEWHERE):
+            first = int(begun) + 1
+            if first > self.last_attempt:
+                return
+            there, found = self._attempt(rows, starts, streams, shuffled, first, self.last_attempt, some)
+            if not found[0, SUCCESS] > 0.0:
+                return
+            begun, end = found[0, ATTEMPT], np.full((1, SETTLED), np.nan)
+            if self.turns is not None:
+                unwind(self.chain, self.turns.reference, found[:, SUCCESS], there)
+            self._settle(rows[some], there, end)
+            if self._is_settled(end)[0] and end[0, OBJECTIVE] <= WORTH * after[k, OBJECTIVE]:
+                found[0, SPENT] += outcome[k, SPENT]
+                q[k], outcome[k], after[k] = there[0], found[0], end[0]
+                return
+
+    def _is_settled(self, after: np.ndarray) -> np.ndarray:
+        """Which of the second outcomes (N, 6) are optima, (N,)."""
+        return np.asarray(after[:, PROJECTED_GRADIENT] <= self.settling[STATIONARITY_TOLERANCE])
+
+    def _finish(
+        self,
+        rows: np.ndarray,
+        starts: np.ndarray,
+        streams: np.ndarray,
+        shuffled: bool,
+        q: np.ndarray,
+        outcome: np.ndarray,
+    ) -> np.ndarray:
         """From what was found for the targets (N, 12) to the redundancy's optimum, or the nearest point; q in place.
 
         The second outcomes (N, 6), see `kernels.settling.settle`; NaN where there was nothing to do.
@@ -198,6 +254,9 @@ class Compiled(ChainArrays):
         n, own, constants, after = self.robot.n, self.redundancy, self.settling, np.full((len(q), SETTLED), np.nan)
         if self.settles:
             self._settle(rows, q, after)
+            if not len(starts):
+                for k in np.flatnonzero((outcome[:, SUCCESS] > 0.0) & ~self._is_settled(after)).tolist():
+                    self._settle_elsewhere(rows, streams, shuffled, k, q, outcome, after)
         if outcome[:, SUCCESS].min() > 0.0:
             return after
         short = np.flatnonzero(~(outcome[:, SUCCESS] > 0.0) & np.isfinite(outcome[:, FINAL_COST]))
@@ -221,8 +280,7 @@ class Compiled(ChainArrays):
         """The optima of the redundancy near q (N, n), which reach a target (12,), and whether they are reached (N,)."""
         q, outcome = q.copy(), np.empty((len(q), SETTLED))
         self._settle(np.tile(row, (len(q), 1)), q, outcome)
-        tolerance = self.settling[STATIONARITY_TOLERANCE]
-        return q, (outcome[:, REACHED] > 0.0) & (outcome[:, PROJECTED_GRADIENT] <= tolerance)
+        return q, (outcome[:, REACHED] > 0.0) & self._is_settled(outcome)
 
     def search(
         self, row: np.ndarray, q0: np.ndarray | None, stream: np.ndarray, shuffled: bool, budget: Budget
@@ -266,9 +324,10 @@ class Compiled(ChainArrays):
         def work(part: slice, halted: Event) -> None:
             targets, begin = rows[part], self._starts(None if starts is None else starts[part])
             outcome = np.empty((len(targets), OUTCOME))
-            self._find(targets, begin, streams(targets, seed), shuffled, q[part], outcome, halted)
+            own = streams(targets, seed)
+            self._find(targets, begin, own, shuffled, q[part], outcome, halted)
             if not halted.is_set():
-                put(part, outcome, self._finish(targets, q[part], outcome))
+                put(part, outcome, self._finish(targets, begin, own, shuffled, q[part], outcome))
 
         in_shares(work, len(rows), SHARE, threads, progress)
 

@@ -28,6 +28,7 @@ from maira_qp.problem.tasks.frame import PoseTask
 from maira_qp.robots.arcs import Arc
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.decomposition import Decomposition
+from maira_qp.robots.robot import drawn
 from maira_qp.robots.srs import SRS
 from maira_qp.robots.whole_turns import WholeTurns
 from maira_qp.solvers.compiled import Compiled
@@ -139,7 +140,7 @@ class Enumeration:
     def turns(self) -> WholeTurns:
         """Counted to stay near the posture that is preferred, or the middle of the limits."""
         robot, objective = self.setting.robot, self.objective
-        return WholeTurns.of(robot, objective.q_ref if isinstance(objective, Posture) else robot.middle)
+        return WholeTurns(robot, objective.q_ref if isinstance(objective, Posture) else robot.middle)
 
     @cached_property
     def _row(self) -> np.ndarray:
@@ -158,14 +159,12 @@ class Enumeration:
     def by_multi_start(self, seed: np.ndarray, start: np.ndarray | None = None) -> Solutions:
         """From descents that begin at random configurations, after a given one (n,)."""
         robot, turns = self.setting.robot, self.turns
-        lower, upper = robot.drawn_range
         rng = np.random.default_rng(int(streams(self._row[None], seed)[0]))
         engine = self.engine if self.engine.settles else self.engine.preferring(Strict(Posture().of(robot)))
         free = engine.without_limits(turns.everywhere)
 
         def draw(count: int) -> np.ndarray:
-            share = rng.random((count, robot.n))
-            return np.clip((1 - share) * lower + share * upper, lower, upper)
+            return drawn(rng, *robot.drawn_range, count)
 
         def arrivals(starts: np.ndarray) -> np.ndarray:
             q, reached = self._descended(free, starts)

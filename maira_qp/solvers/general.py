@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ import numpy as np
 from maira_qp.problem.costs import TaskCost, tasks_toward
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.robots.configuration import Configuration
-from maira_qp.solvers.descent import Budget
+from maira_qp.solvers.descent import Budget, Descent
 from maira_qp.solvers.priorities import Priorities, Targets
 from maira_qp.solvers.search import Search, found_by_kernel, nearest, search, stationarity
 from maira_qp.solvers.setting import Setting
@@ -73,6 +73,8 @@ class General:
         elif found is None:
             hopeless = lambda: self._is_hopeless(targets)  # noqa: E731
             found = search(cost, start, self.setting, budget, rng, reached, is_hopeless=hopeless)
+        if start is None and self.priorities.posture is not None:
+            found = replace(found, best=self._unwound(found.best, cost, reached))
         moved = bool(start is not None and (start != q0).any())
         return self._finish(found, cost, wish, reached, budget, moved, targets)
 
@@ -97,6 +99,13 @@ class General:
         found = screen(self.screening, row, cost, self.setting, budget, rng, reached)
         nearer = first is not None and not found.best.reached and first.best.cost < found.best.cost
         return Search(first.best, found.restarts, found.proved) if first is not None and nearer else found
+
+    def _unwound(self, best: Descent, cost: TaskCost, reached: Reached) -> Descent:
+        """The same with every joint at the whole turn nearest to the posture, where that counts as there too."""
+        q = self.priorities.turns.within(best.at.q[None])[0]
+        at = self.setting.robot.at(q)
+        kept = best.reached and reached(at) and self.setting.breach(at) == 0.0
+        return Descent(at, cost.value(at), True) if kept else best
 
     def finish(self, q: np.ndarray, outcome: list[float], targets: Targets) -> Solution:
         """From what the compiled search left in q (n,) and outcome (7,)."""
@@ -169,9 +178,7 @@ class General:
 
 
 def _objective_cost(wish: Weighted | Strict | None, at: Configuration) -> float:
-    if wish is None:
-        return math.nan
-    return (wish.objectives[0] if isinstance(wish, Strict) else wish.objective).cost(at)
+    return math.nan if wish is None else wish.objectives[0].cost(at)
 
 
 def residual(cost: TaskCost, at: Configuration) -> tuple[float, float]:

@@ -1,25 +1,57 @@
-"""Configurations to start a search from, spread over the limits."""
+"""Configurations to start a search from, and which of them are preferred where several are as near to the target."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from maira_qp.kernels.lanes import LANES
+from maira_qp.kernels.starts import FEATURES, SQUARE, fill_library
+from maira_qp.problem.objectives import Posture
 from maira_qp.robots.robot import Robot
+from maira_qp.robots.whole_turns import WholeTurns
+from maira_qp.solvers.targets import row_of
 
 LIBRARY, CORNERS = 512, 128
 """Configurations to start from whose poses are known, and how many of them at most have every joint on a limit.
 
 A pass over them costs a fraction of an iteration. Targets near a corner of the limits are the hardest to find."""
 
+MIDDLE_SHARE, POSTURE_SHARE = 0.3, 1.0
+"""What it counts that a start is near the middle of the limits, and near a posture that is to be settled for, beside
+the pose: means over the library in units of each other.
 
-def starting_library(robot: Robot) -> np.ndarray:
-    """Configurations (LIBRARY, n): corners of the limits, the others spread evenly."""
-    lower, upper = robot.drawn_range
-    all_of_them = 2**robot.n <= CORNERS
-    pick = np.arange(2**robot.n)[:, None] >> np.arange(robot.n) & 1 if all_of_them else _spread(CORNERS, robot.n) > 0.5
-    corners = np.where(pick, upper, lower)
-    share = _spread(LIBRARY - len(corners), robot.n)
+From the middle fewer descents run into the limits. Nearer to the posture the self-motion is shorter, and mostly ends at
+a better optimum."""
+
+
+def starting_library(robot: Robot, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Configurations (LIBRARY, n): corners of the limits, the others spread evenly between lower and upper (n,)."""
+    n = robot.n
+    all_of_them = 2**n <= CORNERS
+    pick = np.arange(2**n)[:, None] >> np.arange(n) & 1 if all_of_them else _spread(CORNERS, n) > 0.5
+    corners = np.where(pick, robot.drawn_range[1], robot.drawn_range[0])
+    share = _spread(LIBRARY - len(corners), n)
     return np.concatenate([corners, np.clip((1 - share) * lower + share * upper, lower, upper)])
+
+
+def library_features(robot: Robot, library: np.ndarray, settings: np.ndarray, posture: Posture | None) -> np.ndarray:
+    """Features (LIBRARY / LANES, FEATURES, LANES) of a library, see `maira_qp.kernels.starts`.
+
+    Their square counts the distance from a posture too, or from the middle.
+    """
+    features = np.empty((LIBRARY // LANES, FEATURES, LANES))
+    fill_library(settings, np.array([row_of(robot.at(q).placement(None)) for q in library]), features)
+    share = POSTURE_SHARE
+    if posture is None:
+        limited = ~WholeTurns(robot, robot.middle).everywhere
+        posture, share = Posture(weights=limited.astype(float)).of(robot), MIDDLE_SHARE
+    distance = np.square(library - posture.q_ref) @ posture.weights
+    distance = np.minimum(distance, distance.mean())  # nothing else is near a target in a corner of the limits
+    poses = features[:, :SQUARE]
+    spread = np.square(poses - poses.mean(axis=(0, 2), keepdims=True)).sum(axis=1).mean()
+    if distance.mean() > 0.0:
+        features[:, SQUARE] += (share * spread / distance.mean()) * distance.reshape(-1, LANES)
+    return features
 
 
 def _spread(count: int, n: int) -> np.ndarray:

@@ -11,12 +11,14 @@ import pinocchio as pin
 
 from maira_qp.errors import FrameError, OptionError, PoseError, listed
 from maira_qp.problem.costs import LevelObjective, TaskCost, tasks_toward
+from maira_qp.problem.objectives import LimitDistance, Posture
 from maira_qp.problem.pose import as_pose
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks.frame import PoseTask
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.robot import Robot
+from maira_qp.robots.whole_turns import WholeTurns
 from maira_qp.solvers.targets import pose_of, poses_of_batch, rows_of
 
 FARTHEST = 1e9
@@ -133,6 +135,22 @@ class Priorities:
     def of_row(self, row: np.ndarray) -> dict[str, pin.SE3]:
         """The targets of a row (K, 12)."""
         return {frame: pose_of(each) for frame, each in zip(self.frames, row, strict=True)}
+
+    @property
+    def posture(self) -> Posture | None:
+        """The first posture that is wished for beside the tasks or below them, if any."""
+        wishes = () if self.redundancy is None else self.redundancy.objectives
+        for wish in (*wishes, *(each.objective for level in self.below for each in level.objectives)):
+            if isinstance(wish, Posture):
+                return wish
+            if isinstance(wish, LimitDistance):
+                return wish.as_posture
+        return None
+
+    @property
+    def turns(self) -> WholeTurns:
+        """Whole turns of the joints, counted to stay near the posture, or the middle of the limits."""
+        return WholeTurns(self.robot, self.robot.middle if self.posture is None else self.posture.q_ref)
 
     @property
     def all_tasks(self) -> tuple[Task, ...]:

@@ -37,9 +37,7 @@ def screen(
     Without them it is solved once from as many random starts as there may be attempts.
     """
     robot, options = setting.robot, setting.options
-    q, outcome = engine.descend(
-        row, np.array([robot.random_configuration(rng) for _ in range(options.max_restarts + 1)])
-    )
+    q, outcome = engine.descend(row, np.array([setting.random_start(rng) for _ in range(options.max_restarts + 1)]))
     budget.iterations += int(outcome[:, SPENT].sum())
     breaches = np.full(len(q), np.inf)
     for k in np.flatnonzero(outcome[:, SUCCESS] > 0.0):

@@ -104,7 +104,7 @@ def random_start(cost: TaskCost, setting: Setting, stream: np.random.Generator) 
     """
     robot, least = setting.robot, None
     for _ in range(DRAWS if setting.is_bent else 1):
-        drawn = [robot.random_configuration(stream) for _ in range(setting.options.start_candidates)]
+        drawn = [setting.random_start(stream) for _ in range(setting.options.start_candidates)]
         candidates = [robot.at(setting.admitted(q)) for q in drawn]
         within = [at for at in candidates if not setting.violation(at)] if setting.is_bent else candidates
         if within:

@@ -12,7 +12,7 @@ from maira_qp.problem.backends import Backend
 from maira_qp.problem.limits import AccelerationLimit, Bounds, Limit, PositionLimit, Tick, VelocityLimit, merge
 from maira_qp.problem.qp import QP
 from maira_qp.robots.configuration import Configuration
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.robot import Robot, drawn
 from maira_qp.solvers.options import Options
 
 ADMITTING = 10
@@ -26,6 +26,8 @@ class Setting:
     robot: Robot
     further: tuple[Limit, ...]
     """The limits beside those of the joints"""
+    start_range: tuple[np.ndarray, np.ndarray]
+    """What starts of a search are drawn from, (n,) and (n,) [rad or m]"""
     backend: Backend
     options: Options
 
@@ -39,6 +41,10 @@ class Setting:
             VelocityLimit(robot.velocity_limit),
             *self.further,
         )
+
+    def random_start(self, rng: np.random.Generator) -> np.ndarray:
+        """A configuration (n,) to start from, uniform within the range."""
+        return drawn(rng, *self.start_range)
 
     def bounds(self, at: Configuration, tick: Tick | None = None) -> Bounds:
         """All limits on a displacement from a configuration, in a tick if given."""

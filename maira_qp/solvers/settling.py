@@ -73,7 +73,7 @@ def settle(
     reached: Callable[[Configuration], bool],
 ) -> Settled:
     """From a configuration that reaches the pose to the optimum of the redundancy near it."""
-    objectives = redundancy.objectives if isinstance(redundancy, Strict) else (redundancy.objective,)
+    objectives: tuple[Objective, ...] = redundancy.objectives
     settled = Settled(at, 0.0)
     cost, setting = _wishes_held(cost, setting)
     while objectives:

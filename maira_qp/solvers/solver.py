@@ -99,7 +99,8 @@ class Solver:
                 raise BackendError(f"the compiled engine cannot take this: {reason}; {listed(available())}")
         if not isinstance(backend, Backend):
             backend = Backend("daqp" if backend in (None, "compiled") else backend)
-        self._setting = Setting(robot, tuple(limit.of(robot) for limit in limits), backend, options)
+        further = tuple(limit.of(robot) for limit in limits)
+        self._setting = Setting(robot, further, self._priorities.turns.window, backend, options)
         self._setting.admitted(robot.middle)  # the limits leave something
         self._general = General(self._priorities, self._setting, self._compiled, screening)
 
@@ -299,8 +300,7 @@ class Solver:
         from maira_qp.solvers.enumeration import all_solutions  # heavy: Numba comes with it
 
         targets, redundancy = self._priorities.targets(target), self.redundancy
-        objectives = redundancy.objectives if isinstance(redundancy, Strict) else ()
-        objective = redundancy.objective if isinstance(redundancy, Weighted) else (*objectives, Posture())[0]
+        objective = Posture() if redundancy is None else redundancy.objectives[0]
         seed = SEED_0 if rng is None else checked_seed(rng)
         return all_solutions(self._priorities, self._setting, self._compiled, targets, objective.of(self.robot), seed)
 

@@ -97,7 +97,7 @@ def ghosts_of(solver: Solver, target: pin.SE3) -> Ghosts:
         found = solver.solutions(target)
     except OptionError as reason:
         return Ghosts(target, np.empty((0, solver.robot.n)), None, str(reason))
-    turns = WholeTurns.of(solver.robot, solver.robot.middle)
+    turns = WholeTurns(solver.robot, solver.robot.middle)
     shown = np.empty((0, solver.robot.n))
     for q in (each.q for each in found):
         if len(shown) < MOST_GHOSTS and (turns.apart(q, shown) >= APART).all():
