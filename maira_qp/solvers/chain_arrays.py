@@ -139,6 +139,13 @@ class ChainArrays:
         """There is a redundancy, and the kernels know it."""
         return self.redundancy is not None and self.redundancy[KIND] != NONE
 
+    def wish(self, q: np.ndarray) -> np.ndarray:
+        """What the redundancy's objective is (N,) at configurations q (N, n), where the kernels know it; else 0."""
+        if self.redundancy is None or not self.settles:
+            return np.zeros(len(q))
+        reference, weights = self.redundancy[2:].reshape(2, -1)
+        return 0.5 * np.square(q - reference) @ weights
+
     def exact(self) -> Self:
         """The same with descents that do not end before the last digits, even next to a singularity."""
         settings = self.settings.copy()

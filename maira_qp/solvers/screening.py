@@ -1,8 +1,9 @@
 """Reach a pose within further limits than those of the joints: many solutions without them, then a few with.
 
 The compiled search finds a configuration that reaches the pose in microseconds, but knows the limits of the joints
-alone. So it solves from many random starts, and each solution is looked at: the first that keeps the further limits is
-the answer. If none does, descents within all limits begin at the solutions that break them least.
+alone. So it solves from many random starts, and each solution is looked at, those nearest to the posture that is wished
+for first: the first that keeps the further limits is the answer. If none does, descents within all limits begin at the
+solutions that break them least.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ def screen(
     q, outcome = engine.descend(row, np.array([setting.random_start(rng) for _ in range(options.max_restarts + 1)]))
     budget.iterations += int(outcome[:, SPENT].sum())
     breaches = np.full(len(q), np.inf)
-    for k in np.flatnonzero(outcome[:, SUCCESS] > 0.0):
+    arrived = np.flatnonzero(outcome[:, SUCCESS] > 0.0)
+    for k in arrived[np.argsort(engine.wish(q[arrived]), kind="stable")]:
         at = robot.at(q[k])
         breaches[k] = setting.breach(at)
         if breaches[k] == 0.0 and reached(at):
