@@ -152,8 +152,9 @@ class Solver:
         Args:
             target: `pin.SE3` or (4, 4), T_base_tool [m]; where tasks of several frames need one, {frame: pose}; where
                 all have their own, None.
-            q0: start (n,) [rad or m]; None: the nearest of a few hundred known configurations. A start outside the
-                limits is moved onto them.
+            q0: start (n,) [rad or m]; None: of a few hundred known configurations the one nearest to the target, and to
+                the posture that the redundancy wishes for; joints with a turn or more then end at the one nearest to
+                that posture. A start outside the limits is moved onto them.
             rng: generator or seed of what is random about the starts; None: seed 0, so that the same call gives the
                 same answer. Other seeds begin elsewhere, and may find another configuration that reaches the target.
             observe: called with each configuration (n,) on the way, starts included, for pictures of the iteration;
