@@ -127,3 +127,22 @@ def test_a_posture_draws_joints_to_the_turn_nearest_to_it_unless_a_start_says_ot
         np.testing.assert_allclose(stayed.q, q, atol=0.1)
         others += np.abs(turns.within(q[None])[0] - q).max() > 6
     assert others > 3
+
+
+def test_no_turn_is_made_that_another_task_or_limit_feels(ur5, rng):
+    """A coupling at the second level, and a linear limit, far from the posture."""
+    joint = ur5.joint_names[5]
+    posture = mq.Strict(mq.Posture(np.zeros(6)))
+    coupling = mq.JointCouplingTask(coefficients={joint: 1.0}, value=5.0, priority=2)
+    solver = mq.Solver(ur5, task=mq.PositionTask(), tasks=[coupling], redundancy=posture)
+    limit = mq.LinearLimit(-np.eye(6)[5:], [-4.0])
+    limited = mq.Solver(ur5, limits=[limit], redundancy=posture)
+    for _ in range(5):
+        q = ur5.random_configuration(rng)
+        q[5] = 5.0
+        s = solver.solve(ur5.forward(q))
+        assert s.success
+        assert s.q[5] == pytest.approx(5.0, abs=1e-6)
+        s = limited.solve(ur5.forward(q))
+        assert s.success
+        assert s.q[5] >= 4.0

@@ -61,11 +61,11 @@ class General:
         rows = np.array([[row_of(pose) for pose in targets.values()]]).reshape(1, -1, 12)
         stream = streams(rows, seed)
         rng = lambda: np.random.default_rng(int(stream[0]))  # noqa: E731
-        found = None
+        found, sought = None, cost
         if len(self.priorities.all_tasks) > len(self.priorities.first):
             everything = tasks_toward(self.priorities.all_tasks, targets)
             together = search(everything, start, self.setting, budget, rng, self.reached(everything), TOGETHER)
-            found = together if together.best.reached else None
+            found, sought = (together, everything) if together.best.reached else (None, cost)
         if found is None and self.compiled is not None and observe is None and self.compiled.takes(start):
             found = self.compiled.search(rows[0, 0], start, stream, bool(seed.any()), budget)
         elif found is None and self.screening is not None and observe is None:
@@ -74,7 +74,7 @@ class General:
             hopeless = lambda: self._is_hopeless(targets)  # noqa: E731
             found = search(cost, start, self.setting, budget, rng, reached, is_hopeless=hopeless)
         if start is None and self.priorities.posture is not None:
-            found = replace(found, best=self._unwound(found.best, cost, reached))
+            found = replace(found, best=self._unwound(found.best, sought))
         moved = bool(start is not None and (start != q0).any())
         return self._finish(found, cost, wish, reached, budget, moved, targets)
 
@@ -100,12 +100,11 @@ class General:
         nearer = first is not None and not found.best.reached and first.best.cost < found.best.cost
         return Search(first.best, found.restarts, found.proved) if first is not None and nearer else found
 
-    def _unwound(self, best: Descent, cost: TaskCost, reached: Reached) -> Descent:
-        """The same with every joint at the whole turn nearest to the posture, where that counts as there too."""
-        q = self.priorities.turns.within(best.at.q[None])[0]
-        at = self.setting.robot.at(q)
-        kept = best.reached and reached(at) and self.setting.breach(at) == 0.0
-        return Descent(at, cost.value(at), True) if kept else best
+    def _unwound(self, best: Descent, sought: TaskCost) -> Descent:
+        """The same with each joint at the whole turn nearest to the posture, where what was sought is reached there."""
+        at = self.setting.robot.at(self.priorities.turns.within(best.at.q[None])[0])
+        is_there = best.reached and self.reached(sought)(at) and self.setting.breach(at) == 0.0
+        return Descent(at, sought.value(at), True) if is_there else best
 
     def finish(self, q: np.ndarray, outcome: list[float], targets: Targets) -> Solution:
         """From what the compiled search left in q (n,) and outcome (7,)."""
