@@ -20,7 +20,7 @@ from maira_qp.kernels.search import OUTCOME, SUCCESS
 from maira_qp.kernels.verdict import POSSIBLE, verdicts
 from maira_qp.robots.srs import SRS
 from maira_qp.robots.srs_array import srs_array
-from maira_qp.solvers.compiled import Compiled
+from maira_qp.solvers.compiled import Asked, Compiled
 
 VERDICTS = ("possible", "too far", "too near", "elbow", "swivel")
 ARMS = {"maira": mq.Robot.maira, "iiwa14": mq.Robot.iiwa14}
@@ -87,7 +87,7 @@ def judged(robot: mq.Robot, rows: np.ndarray, options: mq.Options) -> tuple[np.n
 def reached(robot: mq.Robot, rows: np.ndarray, poses: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, int]:
     """Which targets are reached in closed form (N,), and how many of 10,000 of them are missed by 1e-9."""
     engine, q, outcome = compiled(robot), np.empty((len(rows), robot.n)), np.empty((len(rows), OUTCOME))
-    engine._reach_in_closed_form(rows, np.zeros(len(rows), np.uint64), False, q, outcome)
+    engine._reach_in_closed_form(Asked(rows, np.empty((0, 7)), np.zeros(len(rows), np.uint64), False), q, outcome)
     found = outcome[:, SUCCESS] > 0
     some = rng.permutation(np.flatnonzero(found))[:10_000]
     inside = ((robot.lower <= q) & (q <= robot.upper)).all(axis=1)

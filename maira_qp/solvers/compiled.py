@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from threading import Event
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,6 +47,24 @@ ELSEWHERE, WORTH = 6, 1.02
 its objective may be there. In a fold of the self-motion the tolerances of the pose are worth a percent of it."""
 
 
+class Asked(NamedTuple):
+    """Targets, and where the search for each begins."""
+
+    rows: np.ndarray
+    """(N, 12) R by rows, then p"""
+    starts: np.ndarray
+    """(N, n) or (0, n): there are none"""
+    streams: np.ndarray
+    """(N,) of uint64: what is random about each"""
+    shuffled: bool
+    """Attempts begin in another order than that of the library"""
+
+    def some(self, which: slice | np.ndarray) -> Asked:
+        """Some of them."""
+        starts = self.starts[which] if len(self.starts) else self.starts
+        return Asked(self.rows[which], starts, self.streams[which], self.shuffled)
+
+
 class Compiled(ChainArrays):
     """The search and the settling of one problem in compiled code."""
 
@@ -60,109 +79,72 @@ class Compiled(ChainArrays):
         q, outcome, after, starts = np.empty((1, self.robot.n)), np.empty((1, OUTCOME)), [], self._starts(q0)
         fault = admit(T, ORTHONORMAL_WITHIN, starts, seed, row, stream)
         if fault == FINE:
-            shuffled = seed is not SEED_0 and bool(seed.any())
-            self._find(row, starts, stream, shuffled, q, outcome)
+            asked = Asked(row, starts, stream, seed is not SEED_0 and bool(seed.any()))
+            self._find(asked, q, outcome)
             if self.settles or not outcome[0, SUCCESS] > 0.0:
-                after = self._finish(row, starts, stream, shuffled, q, outcome).ravel().tolist()
+                after = self._finish(asked, q, outcome).ravel().tolist()
         return fault, q[0], outcome[0].tolist(), after
 
     def _starts(self, q0: np.ndarray | None) -> np.ndarray:
         """Starts (N, n) of a search: q0 (n,) or (N, n), or none of them."""
         return np.empty((0, self.robot.n)) if q0 is None else q0.reshape(-1, self.robot.n)
 
-    def _find(
-        self,
-        rows: np.ndarray,
-        starts: np.ndarray,
-        streams: np.ndarray,
-        shuffled: bool,
-        q: np.ndarray,
-        outcome: np.ndarray,
-        halted: Event = NEVER,
-    ) -> None:
-        """Search for q (N, n) that reach the targets (N, 12), and see whether those that resist are out of reach.
+    def _find(self, asked: Asked, q: np.ndarray, outcome: np.ndarray, halted: Event = NEVER) -> None:
+        """Search for q (N, n) that reach the targets, and see whether those that resist are out of reach.
 
         Without starts a joint that has a turn or more ends at the one that is nearest to the posture wished for.
         """
-        if self.proofs.srs is not None and not len(starts):
-            self._find_in_closed_form(rows, starts, streams, shuffled, q, outcome, halted)
+        if self.proofs.srs is not None and not len(asked.starts):
+            self._find_in_closed_form(asked, q, outcome, halted)
         else:
-            self._find_by_descents(rows, starts, streams, shuffled, q, outcome, halted)
-        if self.turns is not None and not len(starts):
+            self._find_by_descents(asked, q, outcome, halted)
+        if self.turns is not None and not len(asked.starts):
             unwind(self.chain, self.turns.reference, outcome[:, SUCCESS], q)
 
-    def _find_in_closed_form(
-        self,
-        rows: np.ndarray,
-        starts: np.ndarray,
-        streams: np.ndarray,
-        shuffled: bool,
-        q: np.ndarray,
-        outcome: np.ndarray,
-        halted: Event,
-    ) -> None:
+    def _find_in_closed_form(self, asked: Asked, q: np.ndarray, outcome: np.ndarray, halted: Event) -> None:
         """The same for an S-R-S arm, without starts: descents are left what is singular, and no nearest point found."""
         some: slice | np.ndarray = slice(None)
         if self.settles:
-            self._reach_near_posture(rows, q, outcome)
+            self._reach_near_posture(asked.rows, q, outcome)
             if outcome[:, SUCCESS].all():
                 return
             some = np.flatnonzero(outcome[:, SUCCESS] == 0.0)
         some_q, some_outcome = q[some], outcome[some]
-        self._reach_in_closed_form(rows[some], streams[some], shuffled, some_q, some_outcome)
+        self._reach_in_closed_form(asked.some(some), some_q, some_outcome)
         q[some], outcome[some] = some_q, some_outcome
         if outcome[:, SUCCESS].min() > 0.0:
             return
         proved, left = np.flatnonzero(outcome[:, SUCCESS] == PROVED), np.flatnonzero(outcome[:, SUCCESS] == 0.0)
-        self._approach_in_closed_form(rows, streams, shuffled, proved, q, outcome)
+        self._approach_in_closed_form(asked, proved, q, outcome)
         beyond = proved[~np.isfinite(outcome[proved, FINAL_COST])]
         for open_ones, last in ((beyond, min(HEAD, self.last_attempt)), (left, self.last_attempt)):
             for part in _parts(open_ones, last + 1, halted):
-                q[part], outcome[part] = self._attempt(rows, starts, streams, shuffled, 0, last, part)
+                q[part], outcome[part] = self._attempt(asked, 0, last, part)
         outcome[proved, SUCCESS] = PROVED
 
-    def _find_by_descents(
-        self,
-        rows: np.ndarray,
-        starts: np.ndarray,
-        streams: np.ndarray,
-        shuffled: bool,
-        q: np.ndarray,
-        outcome: np.ndarray,
-        halted: Event,
-    ) -> None:
+    def _find_by_descents(self, asked: Asked, q: np.ndarray, outcome: np.ndarray, halted: Event) -> None:
         """The same for any chain: some descents at each target, then proofs, then the others at what resists."""
         last, head = self.last_attempt, min(HEAD, self.last_attempt)
-        self._search(rows, starts, streams, shuffled, 0, head, q, outcome)
+        self._search(asked, 0, head, q, outcome)
         if outcome[:, SUCCESS].all():
             return
         left = np.flatnonzero((outcome[:, SUCCESS] == 0.0) & np.isfinite(outcome[:, FINAL_COST]))
         for part in _parts(left, last + 1, halted):
-            proved = self.proofs.unreachable(rows[part])
+            proved = self.proofs.unreachable(asked.rows[part])
             outcome[part[proved], SUCCESS] = PROVED
             resisting = part[~proved]
             if head < last and len(resisting):
-                found_q, found = self._attempt(rows, starts, streams, shuffled, head + 1, last, resisting)
+                found_q, found = self._attempt(asked, head + 1, last, resisting)
                 found[:, SPENT] += outcome[resisting, SPENT]
                 worse = (found[:, SUCCESS] == 0.0) & (outcome[resisting, FINAL_COST] <= found[:, FINAL_COST])
                 found[worse, FINAL_COST:] = outcome[resisting[worse], FINAL_COST:]
                 found_q[worse] = q[resisting[worse]]
                 q[resisting], outcome[resisting] = found_q, found
 
-    def _attempt(
-        self,
-        rows: np.ndarray,
-        starts: np.ndarray,
-        streams: np.ndarray,
-        shuffled: bool,
-        first: int,
-        last: int,
-        some: np.ndarray,
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _attempt(self, asked: Asked, first: int, last: int, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """q (k, n) and outcomes (k, 7) of the attempts first, ..., last at k of the targets."""
         q, outcome = np.empty((len(some), self.robot.n)), np.empty((len(some), OUTCOME))
-        starts = starts[some] if len(starts) else starts
-        self._search(rows[some], starts, streams[some], shuffled, first, last, q, outcome)
+        self._search(asked.some(some), first, last, q, outcome)
         return q, outcome
 
     def _reach_near_posture(self, rows: np.ndarray, q: np.ndarray, outcome: np.ndarray) -> None:
@@ -172,28 +154,18 @@ class Compiled(ChainArrays):
         memory = np.empty(FLOATS), np.empty(INTEGERS, np.int64), np.empty((ROWS, LANES)), np.empty((20, 3))
         reach_near_posture(*problem, *memory, q, outcome)
 
-    def _reach_in_closed_form(
-        self, rows: np.ndarray, streams: np.ndarray, shuffled: bool, q: np.ndarray, outcome: np.ndarray
-    ) -> None:
+    def _reach_in_closed_form(self, asked: Asked, q: np.ndarray, outcome: np.ndarray) -> None:
         """Put q (N, 7) that reach the targets, or that it is proved that nothing does; the rest is left open."""
-        problem = self.chain, self.settings, self.proofs.srs, rows, streams, shuffled
+        problem = self.chain, self.settings, self.proofs.srs, asked.rows, asked.streams, asked.shuffled
         memory = np.empty(FLOATS), np.empty(INTEGERS, np.int64), np.empty((8, PIECES, 3)), np.empty((20, 3))
         reach_in_closed_form(*problem, *memory, q, outcome)
 
-    def _approach_in_closed_form(
-        self,
-        rows: np.ndarray,
-        streams: np.ndarray,
-        shuffled: bool,
-        some: np.ndarray,
-        q: np.ndarray,
-        outcome: np.ndarray,
-    ) -> None:
+    def _approach_in_closed_form(self, asked: Asked, some: np.ndarray, q: np.ndarray, outcome: np.ndarray) -> None:
         """Put the nearest points of some of the targets, which are out of reach, into q (N, 7)."""
         if len(some):
             near, end, tolerance = q[some], outcome[some], self.settling[STATIONARITY_TOLERANCE]
-            problem = self.chain, self.settings, self.proofs.srs, self.proofs.span
-            nearest_in_closed_form(*problem, rows[some], streams[some], shuffled, tolerance, near, end)
+            problem, (rows, _, streams, shuffled) = (self.chain, self.settings, self.proofs.srs), asked.some(some)
+            nearest_in_closed_form(*problem, self.proofs.span, rows, streams, shuffled, tolerance, near, end)
             q[some], outcome[some] = near, end
 
     def _settle(self, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
@@ -203,32 +175,23 @@ class Compiled(ChainArrays):
         weight = own[WEIGHT] if own[KIND] == WEIGHTED else 0.0
         settle(self.chain, self.settings, rows, own[2 : 2 + n], own[2 + n :], weight, self.settling, q, after)
 
-    def _settle_elsewhere(
-        self,
-        rows: np.ndarray,
-        streams: np.ndarray,
-        shuffled: bool,
-        k: int,
-        q: np.ndarray,
-        outcome: np.ndarray,
-        after: np.ndarray,
-    ) -> None:
+    def _settle_elsewhere(self, asked: Asked, k: int, q: np.ndarray, outcome: np.ndarray, after: np.ndarray) -> None:
         """Try to settle target k, which resists, from where later attempts reach it: q and both outcomes in place.
 
         In a narrow fold of the self-motion steps are short, and a walk stops; from its other side it may be easy.
         """
-        starts, some, begun = np.empty((0, self.robot.n)), np.array([k]), outcome[k, ATTEMPT]
+        some, begun = np.array([k]), outcome[k, ATTEMPT]
         for _ in range(ELSEWHERE):
             first = int(begun) + 1
             if first > self.last_attempt:
                 return
-            there, found = self._attempt(rows, starts, streams, shuffled, first, self.last_attempt, some)
+            there, found = self._attempt(asked, first, self.last_attempt, some)
             if not found[0, SUCCESS] > 0.0:
                 return
             begun, end = found[0, ATTEMPT], np.full((1, SETTLED), np.nan)
             if self.turns is not None:
                 unwind(self.chain, self.turns.reference, found[:, SUCCESS], there)
-            self._settle(rows[some], there, end)
+            self._settle(asked.rows[some], there, end)
             if self._is_settled(end)[0] and end[0, OBJECTIVE] <= WORTH * after[k, OBJECTIVE]:
                 found[0, SPENT] += outcome[k, SPENT]
                 q[k], outcome[k], after[k] = there[0], found[0], end[0]
@@ -238,25 +201,17 @@ class Compiled(ChainArrays):
         """Which of the second outcomes (N, 6) are optima, (N,)."""
         return np.asarray(after[:, PROJECTED_GRADIENT] <= self.settling[STATIONARITY_TOLERANCE])
 
-    def _finish(
-        self,
-        rows: np.ndarray,
-        starts: np.ndarray,
-        streams: np.ndarray,
-        shuffled: bool,
-        q: np.ndarray,
-        outcome: np.ndarray,
-    ) -> np.ndarray:
+    def _finish(self, asked: Asked, q: np.ndarray, outcome: np.ndarray) -> np.ndarray:
         """From what was found for the targets (N, 12) to the redundancy's optimum, or the nearest point; q in place.
 
         The second outcomes (N, 6), see `kernels.settling.settle`; NaN where there was nothing to do.
         """
         n, own, constants, after = self.robot.n, self.redundancy, self.settling, np.full((len(q), SETTLED), np.nan)
         if self.settles:
-            self._settle(rows, q, after)
-            if not len(starts):
+            self._settle(asked.rows, q, after)
+            if not len(asked.starts):
                 for k in np.flatnonzero((outcome[:, SUCCESS] > 0.0) & ~self._is_settled(after)).tolist():
-                    self._settle_elsewhere(rows, streams, shuffled, k, q, outcome, after)
+                    self._settle_elsewhere(asked, k, q, outcome, after)
         if outcome[:, SUCCESS].min() > 0.0:
             return after
         short = np.flatnonzero(~(outcome[:, SUCCESS] > 0.0) & np.isfinite(outcome[:, FINAL_COST]))
@@ -266,14 +221,15 @@ class Compiled(ChainArrays):
                 reference, weights = own[2 : 2 + n], own[2 + n :]
             near, end = q[short], np.empty((len(short), SETTLED))
             tolerance, most = constants[STATIONARITY_TOLERANCE], int(constants[MAX_SETTLING])
-            nearest_points(self.chain, self.settings, rows[short], reference, weights, tolerance, most, near, end)
+            nearest_points(self.chain, self.settings, asked.rows[short], reference, weights, tolerance, most, near, end)
             q[short], after[short] = near, end
         return after
 
     def descend(self, row: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where single descents from starts (N, n) toward a target (12,) end: q (N, n), outcomes (N, 7)."""
         q, outcome = np.empty(starts.shape), np.empty((len(starts), OUTCOME))
-        self._search(np.tile(row, (len(starts), 1)), starts, np.zeros(len(starts), np.uint64), False, 0, 0, q, outcome)
+        asked = Asked(np.tile(row, (len(starts), 1)), starts, np.zeros(len(starts), np.uint64), False)
+        self._search(asked, 0, 0, q, outcome)
         return q, outcome
 
     def settled(self, row: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -286,20 +242,20 @@ class Compiled(ChainArrays):
         self, row: np.ndarray, q0: np.ndarray | None, stream: np.ndarray, shuffled: bool, budget: Budget
     ) -> Search:
         """The compiled form of `search.search` for a target (12,). With a deadline it looks up now and then."""
-        rows, starts, first, best = row.reshape(1, 12), self._starts(q0), 0, None
+        asked, first, best = Asked(row.reshape(1, 12), self._starts(q0), stream, shuffled), 0, None
         while True:
             q, outcome = np.empty((1, self.robot.n)), np.empty((1, OUTCOME))
             last = min(first + LANES - 1, self.last_attempt) if budget.has_deadline else self.last_attempt
             if budget.has_deadline:
-                self._search(rows, starts, stream, shuffled, first, last, q, outcome)
+                self._search(asked, first, last, q, outcome)
             else:
-                self._find(rows, starts, stream, shuffled, q, outcome)
+                self._find(asked, q, outcome)
             budget.iterations += int(outcome[0, SPENT])
             found = found_by_kernel(self.robot, q[0], outcome[0])
             if best is None or found.best.reached or found.best.cost < best.cost:
                 best = found.best
             asks = budget.has_deadline and not (best.reached or first or budget.late())
-            proved = found.proved or (asks and bool(self.proofs.unreachable(rows)[0]))
+            proved = found.proved or (asks and bool(self.proofs.unreachable(asked.rows)[0]))
             if best.reached or proved or last == self.last_attempt or budget.late():
                 return Search(best, found.restarts, proved)
             first = last + 1
@@ -322,26 +278,16 @@ class Compiled(ChainArrays):
         shuffled = bool(seed.any())
 
         def work(part: slice, halted: Event) -> None:
-            targets, begin = rows[part], self._starts(None if starts is None else starts[part])
-            outcome = np.empty((len(targets), OUTCOME))
-            own = streams(targets, seed)
-            self._find(targets, begin, own, shuffled, q[part], outcome, halted)
+            begin, outcome = None if starts is None else starts[part], np.empty((len(rows[part]), OUTCOME))
+            asked = Asked(rows[part], self._starts(begin), streams(rows[part], seed), shuffled)
+            self._find(asked, q[part], outcome, halted)
             if not halted.is_set():
-                put(part, outcome, self._finish(targets, begin, own, shuffled, q[part], outcome))
+                put(part, outcome, self._finish(asked, q[part], outcome))
 
         in_shares(work, len(rows), SHARE, threads, progress)
 
-    def _search(
-        self,
-        rows: np.ndarray,
-        starts: np.ndarray,
-        streams: np.ndarray,
-        shuffled: bool,
-        first: int,
-        last: int,
-        q: np.ndarray,
-        outcome: np.ndarray,
-    ) -> None:
+    def _search(self, asked: Asked, first: int, last: int, q: np.ndarray, outcome: np.ndarray) -> None:
+        """The attempts first, ..., last at the targets, see `kernels.search`."""
         floats, integers = memory_sizes(self.robot.n, last - first + 1)
         search(
             self.chain,
@@ -349,10 +295,10 @@ class Compiled(ChainArrays):
             self.library,
             self.features,
             self.candidates,
-            shuffled,
-            rows,
-            starts,
-            streams,
+            asked.shuffled,
+            asked.rows,
+            asked.starts,
+            asked.streams,
             first,
             last,
             np.empty(floats),
