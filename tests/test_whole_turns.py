@@ -92,6 +92,10 @@ def test_the_window_is_a_turn_within_the_limits_around_the_reference(robot, pr2_
         np.testing.assert_allclose(upper, [first + 2 * PI, 9.0, 20.0, 1.0])
         assert (robot.lower <= lower).all()
         assert (upper <= robot.upper).all()
+    far = mq.Robot.from_dh([mq.DHLink(a=1.0, lower=2e4, upper=2e4 + 10)])
+    for reference in (0.0, 2e4 + 4, 1e9):
+        lower, upper = WholeTurns(far, np.array([reference])).window
+        assert far.lower[0] <= lower[0] <= upper[0] - 2 * PI + 1e-9 <= far.upper[0] - 2 * PI + 1e-9
     endless = np.isinf(pr2_arm.lower)
     assert endless.any()
     for reference in (-3.0, 0.0, 100.0, 1e300):

@@ -38,10 +38,10 @@ class WholeTurns:
     def window(self) -> tuple[np.ndarray, np.ndarray]:
         """The limits (n,) and (n,), where joints have a turn or more the turn of them that is around the reference.
 
-        As far as the limits let it be; and as numbers do, which become too coarse for an angle.
+        As far as the limits let it be, and numbers, which far from zero are too coarse for an angle.
         """
         lower, upper, half = self.robot.lower, self.robot.upper, 0.5 * _TURN
-        middle = np.clip(np.clip(self.reference, lower + half, upper - half), -FARTHEST, FARTHEST)
+        middle = np.clip(np.clip(self.reference, -FARTHEST, FARTHEST), lower + half, upper - half)
         first, last = np.maximum(middle - half, lower), np.minimum(middle + half, upper)
         return np.where(self.everywhere, first, lower), np.where(self.everywhere, last, upper)
 
