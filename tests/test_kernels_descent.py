@@ -44,6 +44,8 @@ from maira_qp.solvers.compiled import Compiled
 from maira_qp.solvers.search import stationarity
 from maira_qp.solvers.targets import pose_of
 
+helpers_compile_once = pytest.mark.xdist_group("helpers of the descent")
+
 TOLD = [COST, ITERATIONS, POSITION, ORIENTATION, ENDED, REACHED]
 """What a descent tells of itself when it has ended."""
 
@@ -72,6 +74,7 @@ def model_and_verdict(settings, J, e, H, c, renew, largest, verdict):
     store(verdict, 0, select(is_reached(settings, e), 1.0, 0.0))
 
 
+@helpers_compile_once
 @three_tasks
 @nine_robots
 def test_cost_and_model_are_those_of_the_task(name, task, rng):
@@ -116,6 +119,7 @@ def cost_in_lanes(problem: Compiled, targets, q, work) -> np.ndarray:
     return out[0]
 
 
+@helpers_compile_once
 def test_a_model_is_renewed_only_where_it_is_asked_for(rng):
     problem = compiled(arm("maira"))
     J, e = rng.normal(size=(7, 6, LANES)), rng.normal(size=(6, LANES))
@@ -302,6 +306,7 @@ def places_of_lanes(n, memory):
     )
 
 
+@helpers_compile_once
 @pytest.mark.parametrize("n", [1, 2, 7, 30])
 @pytest.mark.parametrize("offset", range(LANES))
 def test_lanes_are_made_without_overlap_on_lines_of_the_cache_wherever_the_memory_begins(n, offset):

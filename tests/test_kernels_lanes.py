@@ -20,6 +20,8 @@ from maira_qp.kernels.lanes import (
     store2,
 )
 
+pytestmark = pytest.mark.xdist_group("lanes")  # the helpers compile once
+
 SPECIAL = [0.0, -0.0, 1.0, -1.0, 2.5, -2.5, 0.5, 3.0, np.pi, 5e-324, 1e-300, 1e308, -1.7e308, np.inf, -np.inf, np.nan]
 
 

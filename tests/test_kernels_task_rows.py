@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from compiled_problems import arm, few
 from derivatives import assert_close, difference_gradient, difference_jacobian
-from numba import njit
+from numba import config, njit
 
 import maira_qp as mq
 from maira_qp.kernels.levels import add_curvature_above, finish_hessian, level_costs, level_model
@@ -19,6 +19,8 @@ from maira_qp.problem.costs import ExactTaskCost, TaskCost
 from maira_qp.problem.tasks import frame
 from maira_qp.problem.tasks.task import Task
 from maira_qp.solvers.tick import _bent_along_rows
+
+pytestmark = pytest.mark.xdist_group("task rows")  # `model_into` takes long to compile: once will do
 
 ROBOTS = ["panda", "tiago_arms", "allegro"]
 
@@ -160,7 +162,7 @@ def test_each_kind_is_the_task_of_its_class(name, rng):
                 assert np.abs(found - expected).max() < 1e-11 * max(1.0, np.abs(expected).max()), label
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", ROBOTS[:1] if config.DISABLE_JIT else ROBOTS)
 def test_gradients_are_differences_of_costs_and_hessians_of_gradients(name, rng):
     robot = arm(name)
     for q, target in cases(robot, rng, few(3)):
