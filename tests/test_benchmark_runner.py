@@ -30,6 +30,13 @@ def timeless(rows):
     return [{key: value for key, value in row.items() if key != "time"} for row in rows]
 
 
+@pytest.fixture(scope="module")
+def finished(maira, tmp_path_factory):
+    """The rows of a run that was left alone, and what its file holds."""
+    path = tmp_path_factory.mktemp("finished") / "rows.jsonl"
+    return run(small_plan(maira), path), path.read_bytes()
+
+
 def test_a_row_for_each_question(maira, tmp_path):
     """Each method answers each target once, in a fixed order, and the file holds what was returned."""
     made = small_plan(maira)
@@ -44,11 +51,9 @@ def test_a_row_for_each_question(maira, tmp_path):
 
 
 @pytest.mark.parametrize("cut", [1, 17, 300, 900, 2500])
-def test_goes_on_after_a_kill(maira, tmp_path, cut):
+def test_goes_on_after_a_kill(maira, tmp_path, finished, cut):
     """A file cut anywhere, in the middle of a line too, ends up with the same rows as a run that was left alone."""
-    whole, torn = tmp_path / "whole.jsonl", tmp_path / "torn.jsonl"
-    rows = run(small_plan(maira), whole)
-    content = whole.read_bytes()
+    (rows, content), torn = finished, tmp_path / "torn.jsonl"
     torn.write_bytes(content[:-cut])
     assert timeless(run(small_plan(maira), torn)) == timeless(rows)
     assert timeless(run(small_plan(maira), torn)) == timeless(rows)  # and can be read again
@@ -56,9 +61,10 @@ def test_goes_on_after_a_kill(maira, tmp_path, cut):
     assert torn.read_bytes().startswith(kept)  # what was whole was not touched
 
 
-def test_a_finished_run_measures_nothing(maira, tmp_path, monkeypatch):
+def test_a_finished_run_measures_nothing(maira, tmp_path, finished, monkeypatch):
     """Started again, a finished run returns its rows, times and all, without solving."""
-    rows = run(small_plan(maira), tmp_path / "rows.jsonl")
+    rows, content = finished
+    (tmp_path / "rows.jsonl").write_bytes(content)
     monkeypatch.setattr(runner, "row_of", None)
     assert run(small_plan(maira), tmp_path / "rows.jsonl") == rows
 
@@ -82,14 +88,13 @@ def test_a_killed_process_loses_no_whole_row(tmp_path):
 @pytest.mark.parametrize(
     "changes", [{"seed": 1}, {"targets": 4}, {"methods": ("pose",)}, {"weight": 0.5}, {"loose_position": 3e-3}]
 )
-def test_other_settings_are_refused(maira, tmp_path, changes):
+def test_other_settings_are_refused(maira, tmp_path, finished, changes):
     """Rows of other settings are not mixed: the error names what differs, and the file is left as it was."""
     path = tmp_path / "rows.jsonl"
-    run(small_plan(maira, targets=1), path)
-    before = path.read_bytes()
+    path.write_bytes(finished[1])
     with pytest.raises(OptionError, match=next(iter(changes))):
-        run(small_plan(maira, **({"targets": 1} | changes)), path)
-    assert path.read_bytes() == before
+        run(small_plan(maira, **changes), path)
+    assert path.read_bytes() == finished[1]
 
 
 def test_other_options_and_robots_are_other_settings(maira, iiwa14):

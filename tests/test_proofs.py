@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from conftest import load
+from scipy.spatial.transform import Rotation
 
 import maira_qp as mq
 from maira_qp.robots.landmarks import tool_points
@@ -90,11 +91,12 @@ def beyond(robot: mq.Robot, proof: BoxProof, box: np.ndarray, point: int, pivot:
         joint, along = int(proof.pivots[pivot, 0]), proof.pivots[pivot, 1]
         o = J[joint][2] + along * J[joint][1]
     linear, axis, origin = J[0]
-    paths = [o]
+    paths = o[None]
     if joint > 0:  # a fine sampling of the arc on which the first joint takes the pivot
         steps = np.linspace(-h[0], h[0], 2001)
-        paths = [o + s * linear if slides[0] else origin + pin.exp3(s * axis) @ (o - origin) for s in steps]
-    away = np.linalg.norm(np.array(paths) - t, axis=1)
+        turned = Rotation.from_rotvec(steps[:, None] * axis).apply(o - origin)
+        paths = o + steps[:, None] * linear if slides[0] else origin + turned
+    away = np.linalg.norm(paths - t, axis=1)
     slack = moved(o, range(1, joint)) + moved(p, range(joint + 1, robot.n)) + 1e-6
     return max(away.min() - slack - np.linalg.norm(p - o), np.linalg.norm(p - o) - slack - away.max())
 
