@@ -42,12 +42,12 @@ def test_all_backends_of_the_extras_are_installed():
 
 @pytest.mark.parametrize("rows", [0, 3])
 def test_random_problems_satisfy_the_kkt_conditions(backend, rows, rng):
-    """200 problems; residuals relative to the gradient's size, complementarity to that of the cost.
+    """100 problems; residuals relative to the gradient's size, complementarity to that of the cost.
 
     A backend may give up on a hard one (the descent then damps it more), and daqp may not.
     """
     found = 0
-    for _ in range(200):
+    for _ in range(100):
         qp = random_qp(rng, rows=rows)
         solution = backend.solve(qp)
         force, stiffness = np.abs(qp.c).max(), np.abs(qp.H).max()
@@ -59,7 +59,7 @@ def test_random_problems_satisfy_the_kkt_conditions(backend, rows, rng):
         assert solution.primal_residual() <= 1e-7 * force / stiffness
         assert solution.dual_residual() <= 1e-5 * force
         assert solution.complementarity() <= 1e-5 * force**2 / stiffness
-    assert found == 200 if backend.name == "daqp" else found >= 150
+    assert found == 100 if backend.name == "daqp" else found >= 75
 
 
 @pytest.mark.parametrize(

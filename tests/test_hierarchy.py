@@ -48,10 +48,10 @@ def tight_step(robot, rng):
 
 
 def test_level_2_never_changes_the_residual_of_level_1(maira, panda, rng):
-    """4,000 random steps with joints at, near and between their limits: J dq is that of level 1 alone, to 1e-9."""
+    """1,500 random steps with joints at, near and between their limits: J dq is that of level 1 alone, to 1e-9."""
     worst = 0.0
     moved = 0
-    for k in range(4_000):
+    for k in range(1_500):
         robot = maira if k % 2 else panda
         J, e, bounds, toward = tight_step(robot, rng)
         pose, posture = least_squares(J, e), Level(np.eye(robot.n), -toward, np.eye(robot.n))
@@ -62,7 +62,7 @@ def test_level_2_never_changes_the_residual_of_level_1(maira, panda, rng):
         worst = max(worst, float(np.abs(J @ (both - alone)).max()))
         moved += bool(np.abs(both - alone).max() > 1e-3)
     assert worst <= 1e-9
-    assert moved > 400  # the posture had something to do
+    assert moved > 150  # the posture had something to do
 
 
 def test_a_posture_projected_into_the_null_space_inside_one_qp_does_change_it(maira, rng):

@@ -12,7 +12,7 @@ from maira_qp.robots.decomposition import Decomposition
 from maira_qp.robots.srs import SRS
 from maira_qp.robots.whole_turns import WholeTurns
 
-CLOSED = {"ur5": 20, "ur10": 20, "ur5_limited": 60, "kr210": 200, "puma560": 200, "kinova": 60}
+CLOSED = {"ur5": 10, "ur10": 10, "ur5_limited": 30, "kr210": 80, "puma560": 80, "kinova": 30}
 """Six-axis arms that EAIK decomposes, and how many poses are looked at."""
 
 
