@@ -29,6 +29,11 @@ def few(count: int) -> int:
     return min(max(1, count // 20), 12) if config.DISABLE_JIT else count
 
 
+def first_in_plain_python(*cases):
+    """All of these cases, or, where the kernels run as plain Python, the first alone."""
+    return cases[:1] if config.DISABLE_JIT else cases
+
+
 @cache
 def arm(name: str) -> mq.Robot:
     """A robot by its name."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from compiled_problems import few
+from compiled_problems import few, first_in_plain_python
 from conftest import load
 
 import maira_qp as mq
@@ -84,7 +84,7 @@ def test_a_descent_depends_on_its_lane_alone(maira, rng):
         assert left_alone[0] == left[k]
 
 
-@pytest.mark.parametrize("name", ["maira", "iiwa14"])
+@pytest.mark.parametrize("name", first_in_plain_python("maira", "iiwa14"))
 def test_the_nearest_points_from_closed_form_are_as_near_as_those_of_many_starts(name, rng):
     """Of 150 poses beyond the reach hardly one has a nearer point at the end of any of 20 descents."""
     robot = getattr(mq.Robot, name)()

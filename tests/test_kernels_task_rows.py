@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 import pytest
-from compiled_problems import arm, few
+from compiled_problems import arm, few, first_in_plain_python
 from derivatives import assert_close, difference_gradient, difference_jacobian
-from numba import config, njit
+from numba import njit
 
 import maira_qp as mq
 from maira_qp.kernels.levels import add_curvature_above, finish_hessian, level_costs, level_model
@@ -162,7 +162,7 @@ def test_each_kind_is_the_task_of_its_class(name, rng):
                 assert np.abs(found - expected).max() < 1e-11 * max(1.0, np.abs(expected).max()), label
 
 
-@pytest.mark.parametrize("name", ROBOTS[:1] if config.DISABLE_JIT else ROBOTS)
+@pytest.mark.parametrize("name", first_in_plain_python(*ROBOTS))
 def test_gradients_are_differences_of_costs_and_hessians_of_gradients(name, rng):
     robot = arm(name)
     for q, target in cases(robot, rng, few(3)):
