@@ -132,7 +132,7 @@ def test_tasks_of_all_levels_are_met_where_that_is_possible(maira, rng):
     down = mq.AxisTask(direction=[0, 0, -1], priority=2)
     solver = mq.Solver(maira, task=mq.PositionTask(), tasks=[down], redundancy=mq.Strict(mq.Posture()))
     met = 0
-    for k in range(10):
+    for k in range(6):
         target = mq.pose(maira.forward(maira.random_configuration(rng)).translation * [0.6, 0.6, 1])
         s = solver.solve(target, rng=k)
         assert s.success
@@ -140,7 +140,7 @@ def test_tasks_of_all_levels_are_met_where_that_is_possible(maira, rng):
         met += left < 1e-9
         both = mq.Solver(maira, task=[mq.PositionTask(), mq.AxisTask(direction=[0, 0, -1])]).solve(target, rng=k)
         assert left < 1e-9 or not both.success
-    assert met > 3
+    assert met > 2
 
 
 def test_a_lower_level_that_cannot_be_met_is_as_near_as_the_first_allows(maira, rng):
