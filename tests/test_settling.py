@@ -138,14 +138,14 @@ def test_lower_objectives_act_only_where_higher_ones_leave_room(rng):
     first = mq.Posture(weights=[1.0] + [0.0] * 7)
     alone, both = (mq.Solver(robot, redundancy=mq.Strict(*o)) for o in ([first], [first, mq.Posture()]))
     lower = 0
-    for k in range(9):
+    for k in range(15):
         target, q0 = robot.forward(robot.random_configuration(rng)), robot.random_configuration(rng)
         a, b = alone.solve(target, q0=q0, rng=k), both.solve(target, q0=q0, rng=k)
         assert b.success
         posture = [mq.Posture().of(robot).cost(robot.at(s.q)) for s in (a, b)]
         assert b.cost <= a.cost + 1e-6
         lower += posture[1] < posture[0] - 1e-3
-    assert lower > 3
+    assert lower > 5
 
 
 def test_the_residual_of_weighted_is_of_the_order_of_its_weight(maira, rng):

@@ -133,6 +133,14 @@ def test_a_posture_draws_joints_to_the_turn_nearest_to_it_unless_a_start_says_ot
     assert others > 3
 
 
+def test_a_posture_beyond_all_angles_costs_no_pose(pr2_arm, rng):
+    solver = mq.Solver(pr2_arm, redundancy=mq.Strict(mq.Posture(np.where(np.isinf(pr2_arm.upper), 1e12, 0.0))))
+    for _ in range(3):
+        s = solver.solve(pr2_arm.forward(pr2_arm.random_configuration(rng)))
+        assert s.success
+        assert np.abs(s.q).max() < 2 * FARTHEST
+
+
 def test_no_turn_is_made_that_another_task_or_limit_feels(ur5, rng):
     """A coupling at the second level, and a linear limit, far from the posture."""
     joint = ur5.joint_names[5]

@@ -12,7 +12,7 @@ from maira_qp.robots.robot import Robot
 WITHIN = 1e-9
 """A joint beyond a limit by at most this [rad or m] is at the limit: it is clipped."""
 FARTHEST = 1e4
-"""The window of a continuous joint is no farther from zero [rad]."""
+"""Turns are counted to no place farther from zero [rad]: there numbers become too coarse for an angle."""
 _TURN = 2 * np.pi
 
 
@@ -35,13 +35,15 @@ class WholeTurns:
         return np.asarray(self.revolute & (self.robot.upper - self.robot.lower >= _TURN))
 
     @property
-    def window(self) -> tuple[np.ndarray, np.ndarray]:
-        """The limits (n,) and (n,), where joints have a turn or more the turn of them that is around the reference.
+    def aim(self) -> np.ndarray:
+        """The reference (n,), or where that is beyond numbers fine enough the farthest place."""
+        return np.clip(self.reference, -FARTHEST, FARTHEST)
 
-        As far as the limits let it be, and numbers, which far from zero are too coarse for an angle.
-        """
+    @property
+    def window(self) -> tuple[np.ndarray, np.ndarray]:
+        """The limits (n,) and (n,); of joints with a turn or more the turn around the reference, within them."""
         lower, upper, half = self.robot.lower, self.robot.upper, 0.5 * _TURN
-        middle = np.clip(np.clip(self.reference, -FARTHEST, FARTHEST), lower + half, upper - half)
+        middle = np.clip(self.aim, lower + half, upper - half)
         first, last = np.maximum(middle - half, lower), np.minimum(middle + half, upper)
         return np.where(self.everywhere, first, lower), np.where(self.everywhere, last, upper)
 
@@ -60,7 +62,7 @@ class WholeTurns:
         (m, n), within the limits to the bit: what is beyond them by at most `slack` [rad or m] is clipped.
         """
         first, last = self._room(q, slack)
-        turns = np.clip(np.round((self.reference - q) / _TURN), first, last)
+        turns = np.clip(np.round((self.aim - q) / _TURN), first, last)
         fits = (first <= last).all(axis=-1)
         return np.clip((q + _TURN * turns)[fits], self.robot.lower, self.robot.upper)
 
@@ -89,7 +91,7 @@ class WholeTurns:
 
         A continuous joint has the first of them alone.
         """
-        nearest = np.round((self.reference[joint] - angle) / _TURN)
+        nearest = np.round((self.aim[joint] - angle) / _TURN)
         turns = np.array([nearest]) if np.isinf(last) else np.arange(first, last + 1)
         return angle + _TURN * turns[np.argsort(np.abs(turns - nearest), kind="stable")]
 

@@ -99,7 +99,7 @@ class Compiled(ChainArrays):
         else:
             self._find_by_descents(asked, q, outcome, halted)
         if self.turns is not None and not len(asked.starts):
-            unwind(self.chain, self.turns.reference, outcome[:, SUCCESS], q)
+            unwind(self.chain, self.turns.aim, outcome[:, SUCCESS], q)
 
     def _find_in_closed_form(self, asked: Asked, q: np.ndarray, outcome: np.ndarray, halted: Event) -> None:
         """The same for an S-R-S arm, without starts: descents are left what is singular, and no nearest point found."""
@@ -190,7 +190,7 @@ class Compiled(ChainArrays):
                 return
             begun, end = found[0, ATTEMPT], np.full((1, SETTLED), np.nan)
             if self.turns is not None:
-                unwind(self.chain, self.turns.reference, found[:, SUCCESS], there)
+                unwind(self.chain, self.turns.aim, found[:, SUCCESS], there)
             self._settle(asked.rows[some], there, end)
             if self._is_settled(end)[0] and end[0, OBJECTIVE] <= WORTH * after[k, OBJECTIVE]:
                 found[0, SPENT] += outcome[k, SPENT]
