@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+import os
 import subprocess
 import sys
 
@@ -117,6 +118,18 @@ def test_other_files_are_refused(tmp_path):
         with pytest.raises(OptionError, match=message):
             RowFile(path, {})
         assert path.read_bytes() == content
+
+
+def test_rows_are_on_the_disk_when_the_file_is_closed(tmp_path, monkeypatch):
+    """Forced there with the settings at the beginning, and with all rows at the end."""
+    sizes = []
+    monkeypatch.setattr(os, "fsync", lambda descriptor: sizes.append(os.fstat(descriptor).st_size))
+    path = tmp_path / "rows.jsonl"
+    with RowFile(path, {"a": 1}) as file:
+        assert sizes == [path.stat().st_size]
+        for k in range(3):
+            file.append({"k": k})
+    assert sizes[-1] == path.stat().st_size > sizes[0]
 
 
 def test_one_writer_at_a_time(tmp_path):

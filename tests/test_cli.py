@@ -462,13 +462,14 @@ def test_ctrl_c(tmp_path):
     rows = tmp_path / "rows.jsonl"
     flags = ["bench", "--targets", "100000", "--strata", "uniform", "--methods", "pose", "--output", str(tmp_path)]
     process = subprocess.Popen([sys.executable, "-m", "maira_qp", *flags], stderr=subprocess.PIPE, text=True)
-    limit = time.monotonic() + 60
+    limit = time.monotonic() + 600  # a machine may have to compile first
     while not (rows.exists() and rows.read_bytes().count(b"\n") > 3) and time.monotonic() < limit:
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    _, error = process.communicate(timeout=60)
+    _, error = process.communicate(timeout=600)
     assert process.returncode == 130
-    assert error == "maira-qp: interrupted\n"
+    assert error.splitlines()[-1] == "maira-qp: interrupted"
+    assert "Traceback" not in error
     lines = rows.read_text().splitlines()
     assert len(lines) > 3
     assert all(math.isfinite(strict_json(line)["time"]) for line in lines[1:])

@@ -83,6 +83,16 @@ def test_log_takes_the_short_way_round():
     assert np.array_equal(ori.quaternion_log(np.array([1.0, 0, 0, 0])), np.zeros(3))
 
 
+@pytest.mark.parametrize("w", [-1e-300, -1e-12, -1e-6, -1e-4, -5e-4, -1e-3, -0.1, -0.9])
+def test_log_takes_the_short_way_round_however_little_shorter_it_is(w, rng):
+    """A scalar part below zero by ever so little: half of a rotation vector of at most half a turn, against mpmath."""
+    for _ in range(20):
+        q = np.array([w, *(np.sqrt(1.0 - w * w) * random_axis(rng))])
+        norm = mp.sqrt(sum(mp.mpf(float(c)) ** 2 for c in q[1:]))
+        exact = [float(-mp.atan2(norm, -mp.mpf(w)) * mp.mpf(float(c)) / norm) for c in q[1:]]
+        assert np.abs(ori.quaternion_log(q) - exact).max() < 1e-15
+
+
 @pytest.mark.parametrize("size", [1e-15, 1e-12, 1e-9, 1e-6, 1e-3])
 def test_the_error_of_near_poses_is_exact_to_the_last_digits_of_the_matrices(size, rng):
     """Relative error below 1e-14 against mpmath on the very same matrices, at any attitude: no cancellation near 0."""
