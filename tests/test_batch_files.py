@@ -5,10 +5,8 @@ import importlib.util
 import json
 import os
 import resource
-import signal
 import subprocess
 import sys
-import time
 from contextlib import contextmanager
 
 import numpy as np

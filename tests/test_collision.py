@@ -143,7 +143,7 @@ def test_gradient_is_that_of_the_point_jacobians(name, rng):
 
 
 def test_answers_depend_on_q_alone(rng):
-    """Not on what was asked before, nor on how far was looked; to rounding, which may depend on where an array begins."""
+    """Not on what was asked before, nor on how far was looked; to rounding, which where an array begins may change."""
     limit, robot = limit_of("panda"), robot_of("panda")
     qs = [robot.random_configuration(rng) for _ in range(20)]
     first = [limit.rows(robot.at(q), None) for q in qs]
