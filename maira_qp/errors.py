@@ -3,11 +3,24 @@
 from __future__ import annotations
 
 import difflib
+import reprlib
 from collections.abc import Iterable
 
 
 class MairaError(ValueError):
     """Base of every error that this package raises on purpose."""
+
+    def __init__(self, message: str = "", *, python: str = "", shell: str = "") -> None:
+        """A message, and what to type about it: as a call in Python, or as a flag on the command line."""
+        super().__init__(f"{message}; {python}" if python else message)
+        self.for_shell = f"{message}; {shell}" if shell else message
+        """The message with the remedy of the command line."""
+
+    def at(self, place: str) -> MairaError:
+        """The same error, with a place before its message, such as the line of a file."""
+        moved = type(self)(f"{place}: {self}")
+        moved.for_shell = f"{place}: {self.for_shell}"
+        return moved
 
 
 class RobotError(MairaError):
@@ -45,3 +58,22 @@ def listed(names: Iterable[str], wanted: str | None = None, limit: int = 40) -> 
     hint = f"did you mean {close[0]!r}? " if close else ""
     rest = f", ... ({len(names) - limit} more)" if len(names) > limit else ""
     return f"{hint}valid names: {', '.join(names[:limit])}{rest}"
+
+
+class _Bounded(reprlib.Repr):
+    """A repr that looks at a few entries of each container only: nested aliases of one list can mean terabytes."""
+
+    def repr_instance(self, x: object, level: int) -> str:
+        try:
+            return super().repr_instance(x, level)
+        except Exception:  # a caller's own class
+            return f"<{type(x).__name__}>"
+
+
+_bounded = _Bounded()
+_bounded.maxlevel, _bounded.maxother, _bounded.maxstring = 3, 80, 80
+
+
+def shown(value: object) -> str:
+    """A value as text for a message, at most 80 characters, made without a look at all of it."""
+    return f"{_bounded.repr(value):.80}"

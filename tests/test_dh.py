@@ -109,7 +109,7 @@ def test_tables_compare_by_their_rows():
         ({"theta": True}, "theta must be a finite number, got True"),
         ({"lower": 1, "upper": -1}, "inverted: lower 1 > upper -1"),
         ({"lower": 4}, "inverted"),
-        ({"upper": inf}, r"upper must be a finite number, got inf \(no limit: kind='continuous'\)"),
+        ({"upper": inf}, r"upper must be a finite number, at most 1e\+16, got inf \(no limit: kind='continuous'\)"),
         ({"lower": np.nan}, "lower must be a finite number"),
         ({"kind": "prismatic"}, "a prismatic joint needs both of its limits"),
         ({"kind": "prismatic", "lower": 0}, "needs both of its limits"),
@@ -209,10 +209,9 @@ def test_tables_come_from_files(tmp_path):
         ("a.yaml", "", "needs a list `links`"),
         ("a.yaml", "links: 3", "needs a list `links`"),
         ("a.yaml", "links: [3]", "link 1 must be a DHLink or a mapping"),
-        ("a.yaml", "links: [{a: 1e-3}]", r"got '1e-3' \(YAML reads 1e-3 as text: write 1\.0e-3\)"),
         ("a.yaml", "links: [{a: 1}, {a: x}]", "link 2: DH parameter a must be a finite number, got 'x'"),
         ("a.toml", "links = [{a = nan}]", "link 1: DH parameter a must be a finite number"),
-        ("a.toml", "limks = []\nlinks = [{a = 1}]", "unknown entries limks; valid: name, links"),
+        ("a.toml", "limks = []\nlinks = [{a = 1}]", "unknown entries 'limks'; valid: name, links"),
     ],
 )
 def test_files_that_make_no_sense_are_refused(tmp_path, name, text, message):
@@ -228,5 +227,5 @@ def test_files_that_are_not_text_are_refused(tmp_path):
     (tmp_path / "a.toml").write_text("links = " + "[" * 100_000)
     with pytest.raises(RobotError, match="cannot be parsed"):
         DHTable.from_file(tmp_path / "a.toml")
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(RobotError, match=r"cannot open the DH table .*No such file"):
         DHTable.from_file(tmp_path / "b.toml")

@@ -83,7 +83,8 @@ def _run(arguments: list[str]) -> int:
     except BrokenPipeError:
         raise
     except (MairaError, OSError) as reason:
-        print(f"maira-qp: error: {reason}", file=sys.stderr)  # noqa: T201
+        told = reason.for_shell if isinstance(reason, MairaError) else str(reason)
+        print(f"maira-qp: error: {' '.join(told.split())}", file=sys.stderr)  # noqa: T201
         return MISUSE
     except SystemExit as end:  # help or completions (0, None), or what cannot be parsed (2), was printed
         return MISUSE if isinstance(end.code, str) else end.code or 0

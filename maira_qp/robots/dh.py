@@ -19,8 +19,10 @@ import numpy as np
 import yaml
 
 from maira_qp.arrays import real_array
-from maira_qp.errors import ConfigurationError, RobotError, listed
+from maira_qp.errors import ConfigurationError, RobotError, listed, shown
 from maira_qp.orientation import orientation_error
+from maira_qp.regular_files import read_text
+from maira_qp.robots.plain_yaml import plain_yaml
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -29,6 +31,12 @@ else:
 
 JointKind = Literal["revolute", "prismatic", "continuous", "fixed"]
 KINDS: tuple[str, ...] = ("revolute", "prismatic", "continuous", "fixed")
+LARGEST = 1e9
+"""Largest length [m] and angle [rad] of a table: beyond it a double has no micrometre left."""
+LARGEST_LIMIT = 1e16
+"""Largest limit [rad, or m]: beyond it a double steps by more than a radian."""
+MAX_BYTES = 2**20
+"""Largest file of a table that is read [bytes]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,13 +67,14 @@ class DHLink:
     """Joint name; None: `joint<k>`, counted from 1."""
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise RobotError(f"unknown joint kind {self.kind!r}; {listed(KINDS, str(self.kind))}")
+        if not isinstance(self.kind, str) or self.kind not in KINDS:
+            raise RobotError(f"unknown joint kind {shown(self.kind)}; {listed(KINDS, shown(self.kind))}")
         for key in ("a", "alpha", "d", "theta"):
             value = getattr(self, key)
             if not _is_number(value) or not math.isfinite(value):
-                hint = " (YAML reads 1e-3 as text: write 1.0e-3)" if isinstance(value, str) else ""
-                raise RobotError(f"DH parameter {key} must be a finite number, got {value!r}{hint}")
+                raise RobotError(f"DH parameter {key} must be a finite number, got {shown(value)}")
+            if abs(value) > LARGEST:
+                raise RobotError(f"DH parameter {key} is beyond the largest that makes sense, {LARGEST:g}: {value:g}")
         default = {"revolute": math.pi, "continuous": math.inf, "fixed": 0.0}.get(self.kind)
         if self.kind in ("continuous", "fixed") and (self.lower is not None or self.upper is not None):
             raise RobotError(f"a {self.kind} joint has no limits; use kind='revolute' for a limited one")
@@ -75,8 +84,9 @@ class DHLink:
                 if default is None:
                     raise RobotError("a prismatic joint needs both of its limits, lower and upper [m]")
                 object.__setattr__(self, key, sign * default)
-            elif not _is_number(value) or not math.isfinite(value):
-                raise RobotError(f"limit {key} must be a finite number, got {value!r} (no limit: kind='continuous')")
+            elif not _is_number(value) or not abs(value) <= LARGEST_LIMIT:
+                told = f"must be a finite number, at most {LARGEST_LIMIT:g}, got {shown(value)}"
+                raise RobotError(f"limit {key} {told} (no limit: kind='continuous')")
         if not self.lower <= self.upper:  # type: ignore[operator]
             raise RobotError(f"joint limits are inverted: lower {self.lower} > upper {self.upper}")
         for key in ("velocity", "effort", "acceleration"):
@@ -84,9 +94,9 @@ class DHLink:
             if key == "acceleration" and value is None:
                 continue
             if not _is_number(value) or not 0 < value < math.inf:
-                raise RobotError(f"{key} limit must be a positive number, got {value!r}")
+                raise RobotError(f"{key} limit must be a positive number, got {shown(value)}")
         if self.name is not None and (not isinstance(self.name, str) or not self.name.strip()):
-            raise RobotError(f"a joint name must be text that is not empty, got {self.name!r}")
+            raise RobotError(f"a joint name must be text that is not empty, got {shown(self.name)}")
 
 
 def _is_number(value: Any) -> bool:
@@ -115,13 +125,13 @@ class DHTable:
     def __init__(self, links: Iterable[DHLink | Mapping[str, Any]], name: str = "arm") -> None:
         """Links as `DHLink`s or as mappings of their fields. Raises `RobotError`."""
         if isinstance(links, (str, bytes)) or not isinstance(links, Iterable):
-            raise RobotError(f"a DH table is made from a list of links, got {links!r:.80}")
+            raise RobotError(f"a DH table is made from a list of links, got {shown(links)}")
         made = tuple(link if isinstance(link, DHLink) else _link(link, i) for i, link in enumerate(links, start=1))
         moving = [link for link in made if link.kind != "fixed"]
         if not moving:
             raise RobotError("the DH table has no moving joint")
         if not isinstance(name, str) or not name.strip():
-            raise RobotError(f"a robot's name must be text that is not empty, got {name!r}")
+            raise RobotError(f"a robot's name must be text that is not empty, got {shown(name)}")
         names = tuple(link.name or f"joint{k}" for k, link in enumerate(moving, start=1))
         if len(set(names)) < len(names):
             raise RobotError(f"joint names must differ, got {', '.join(names)}")
@@ -138,27 +148,25 @@ class DHTable:
     def from_file(path: str | Path) -> DHTable:
         """A table from a TOML or YAML file: `name`, and a list `links` of mappings with the fields of `DHLink`.
 
-        Raises `RobotError` if the file is not such a table, `OSError` if it cannot be read.
+        Numbers in YAML are those of version 1.2, so that 1e-3 is one. Raises `RobotError` if the file is not such a
+        table, or cannot be read.
         """
         path = Path(path)
+        parse = {".toml": tomllib.loads, ".yaml": plain_yaml, ".yml": plain_yaml}.get(path.suffix.lower())
+        if parse is None:
+            raise RobotError(f"{path.name}: a DH file ends in .toml, .yaml or .yml")
+        text = read_text(path, "the DH table", RobotError, MAX_BYTES)
         try:
-            text = path.read_text(encoding="utf-8")
-        except UnicodeDecodeError as reason:
-            raise RobotError(f"{path.name} is not UTF-8 text: {reason}") from None
-        try:
-            if path.suffix.lower() == ".toml":
-                content = tomllib.loads(text)
-            elif path.suffix.lower() in (".yaml", ".yml"):
-                content = yaml.safe_load(text)
-            else:
-                raise RobotError(f"{path.name}: a DH file ends in .toml, .yaml or .yml")
-        except (tomllib.TOMLDecodeError, yaml.YAMLError, RecursionError) as reason:
-            raise RobotError(f"{path.name} cannot be parsed: {reason}") from None
+            content = parse(text)
+        except (yaml.YAMLError, ValueError, RecursionError) as reason:
+            raise RobotError(f"{path.name} cannot be parsed: {reason!s:.500}") from None
         if not isinstance(content, dict) or not isinstance(content.get("links"), list):
             raise RobotError(f"{path.name}: needs a list `links`, one entry a link")
         unknown = set(content) - {"name", "links"}
         if unknown:
-            raise RobotError(f"{path.name}: unknown entries {', '.join(sorted(map(str, unknown)))}; valid: name, links")
+            raise RobotError(
+                f"{path.name}: unknown entries {', '.join(sorted(map(shown, unknown)))}; valid: name, links"
+            )
         return DHTable(content["links"], name=content.get("name", path.stem))
 
     @property
@@ -222,7 +230,7 @@ class DHTable:
         """The same Jacobian (6, n) by central differences of `forward`; error about step^2 + 1e-16/step."""
         q = real_array(q, (self.n,), "q", ConfigurationError)
         if not (_is_number(step) and 0 < step < 1):
-            raise ConfigurationError(f"the finite-difference step must be between 0 and 1, got {step!r}")
+            raise ConfigurationError(f"the finite-difference step must be between 0 and 1, got {shown(step)}")
         J = np.empty((6, self.n))
         for i, dq in enumerate(step * np.eye(self.n)):
             back, ahead = self.forward(q - dq), self.forward(q + dq)
@@ -234,11 +242,11 @@ class DHTable:
 def _link(row: Any, number: int) -> DHLink:
     """A `DHLink` from a mapping, its errors naming the row (counted from 1)."""
     if not isinstance(row, Mapping):
-        raise RobotError(f"link {number} must be a DHLink or a mapping of its fields, got {row!r:.80}")
+        raise RobotError(f"link {number} must be a DHLink or a mapping of its fields, got {shown(row)}")
     valid = [f.name for f in fields(DHLink)]
     for key in row:
         if key not in valid:
-            raise RobotError(f"link {number} has an unknown field {key!r}; {listed(valid, str(key))}")
+            raise RobotError(f"link {number} has an unknown field {shown(key)}; {listed(valid, shown(key))}")
     try:
         return DHLink(**row)
     except RobotError as reason:

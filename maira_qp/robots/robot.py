@@ -114,16 +114,33 @@ class Robot:
 
     @classmethod
     def from_urdf(
-        cls, source: str | os.PathLike[str], tip: str | Sequence[str] | None = None, base: str | None = None
+        cls,
+        source: str | os.PathLike[str],
+        tip: str | Sequence[str] | None = None,
+        base: str | None = None,
+        *,
+        limits: Mapping[str, tuple[float, float]] | None = None,
     ) -> Robot:
         """From a URDF file, or from URDF text; the tip None is the only leaf, the base None the root.
 
         A list or tuple of tips makes a tree: the joints between the base and any of them move, and a trunk that they
-        share is there once. One tip may be on the way to another. Joints that are not between base and tip are fixed
-        at zero. Meshes are not opened. Raises `RobotError` for a description that cannot be used, or a tip that no
-        joint moves; `FrameError` for a tip or base that is not a suitable link, and for tips that are repeated.
+        share is there once. One tip may be on the way to another, or the way may go up to a common link and down
+        again, as from hand to hand: then the tree is turned round, and each joint on the way up has a link
+        `<joint>_origin` beside it, which is where it stands on its parent. Joints that are not between base and tip
+        are fixed at zero. Meshes are not opened.
+
+        Args:
+            source: path, or text that begins with `<`.
+            tip: link, or list of links.
+            base: link that poses are relative to.
+            limits: {joint name: (lower, upper)} [rad, or m] in place of those in the description, for joints that have
+                none, or wrong ones; a continuous joint that is given some is revolute.
+
+        What the joints that move do not need cannot refuse a description; it is logged. Raises `RobotError` for a
+        description that cannot be used, or a tip that no joint moves; `FrameError` for a tip or base that is not a
+        suitable link, and for tips that are repeated; `OptionError` for limits of no joint, or inverted ones.
         """
-        return cls(read_urdf(source, tip=tip, base=base))
+        return cls(read_urdf(source, tip=tip, base=base, limits=limits))
 
     @classmethod
     def maira(cls) -> Robot:

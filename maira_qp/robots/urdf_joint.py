@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element
@@ -13,6 +14,22 @@ from maira_qp.errors import RobotError, listed
 
 MOVING = ("revolute", "continuous", "prismatic")
 KINDS = (*MOVING, "fixed", "floating", "planar")
+
+LARGEST = 1e9
+"""Largest length [m], angle [rad] and mimic multiplier that is read: beyond it a double has no micrometre left."""
+ENDLESS = 1e16
+"""Limits beyond it are none: a double steps by more than a radian, or a metre, there. Files write 1.797e308."""
+MAX_FLOAT = sys.float_info.max
+
+
+def macro_left(seen: str) -> str:
+    """The message where what was seen is to be replaced by xacro."""
+    return f"this is xacro (see {seen}), not URDF: run `xacro in.xacro > out.urdf` first"
+
+
+def is_macro(text: str) -> bool:
+    """Whether a text holds what xacro would replace."""
+    return "${" in text or "$(" in text
 
 
 @dataclass(frozen=True)
@@ -42,24 +59,39 @@ class Joint:
     """Leader, multiplier and offset of a joint with q = multiplier * q_leader + offset."""
 
 
-def joint_of(element: Element) -> Joint:
-    """The joint that an element describes. Raises `RobotError` where its numbers make no sense."""
-    name, kind = element.attrib["name"], element.attrib["type"]
+def joint_of(element: Element, given: tuple[float, float] | None = None) -> Joint:
+    """The joint that an element describes, with position limits that are given in place of its own.
+
+    A revolute joint whose limits are both beyond `ENDLESS` is continuous. Raises `RobotError` where its type is unknown
+    or its numbers make no sense.
+    """
+    name, kind = element.attrib["name"], element.get("type")
     what = f"joint {name!r}"
-    origin, limit = _child(element, "origin"), _child(element, "limit")
+    if kind not in KINDS:
+        told = f"the unknown type {kind!r}" if kind else "no type"
+        raise RobotError(f"{what} has {told}; {listed(KINDS, kind)}")
+    limit = _child(element, "limit")
     axis = _numbers(_child(element, "axis"), "xyz", f"{what}, axis", 3, "1 0 0")
     lower, upper = -math.inf, math.inf
-    if kind in ("revolute", "prismatic") and ("lower" in limit or "upper" in limit):
-        lower, upper = (_number(limit, key, f"{what}, limit", "0") for key in ("lower", "upper"))
+    if given is not None and kind in MOVING:
+        (lower, upper), kind = given, "revolute" if kind == "continuous" else kind
+    elif kind in ("revolute", "prismatic") and ("lower" in limit or "upper" in limit):
+        lower, upper = (_end(limit, key, what) for key in ("lower", "upper"))
         if lower > upper:
-            raise RobotError(f"{what} has inverted limits: lower {lower} > upper {upper}")
+            python, shell = limits_at_load(name)
+            raise RobotError(
+                f"{what} has inverted limits: lower {lower} > upper {upper}", python=f"or {python}", shell=f"or {shell}"
+            )
+        if kind == "revolute" and lower == -math.inf and upper == math.inf:
+            kind = "continuous"
+    xyz, rpy = _origin(element)
     return Joint(
         name=name,
         kind=kind,
         parent=_child(element, "parent")["link"],
         child=_child(element, "child")["link"],
-        xyz=_numbers(origin, "xyz", f"{what}, origin", 3, "0 0 0"),
-        rpy=_numbers(origin, "rpy", f"{what}, origin", 3, "0 0 0"),
+        xyz=xyz,
+        rpy=rpy,
         axis=_unit(axis, what) if kind in MOVING else axis,
         lower=lower,
         upper=upper,
@@ -70,15 +102,54 @@ def joint_of(element: Element) -> Joint:
     )
 
 
-def check_ends(element: Element) -> None:
-    """Raises `RobotError` if the element lacks a type that exists, a parent link or a child link."""
-    name, kind = element.attrib["name"], element.get("type")
-    if kind not in KINDS:
-        given = f"the unknown type {kind!r}" if kind else "no type"
-        raise RobotError(f"joint {name!r} has {given}; {listed(KINDS, kind)}")
-    for tag in ("parent", "child"):
-        if not _child(element, tag).get("link"):
-            raise RobotError(f"joint {name!r} has no {tag} link")
+def fixed_of(element: Element) -> Joint:
+    """The joint as a fixed one, whatever the element says beside its links and its origin. Raises `RobotError`."""
+    xyz, rpy = _origin(element)
+    return Joint(
+        name=element.attrib["name"],
+        kind="fixed",
+        parent=_child(element, "parent")["link"],
+        child=_child(element, "child")["link"],
+        xyz=xyz,
+        rpy=rpy,
+        axis=np.array([1.0, 0.0, 0.0]),
+        lower=-math.inf,
+        upper=math.inf,
+        velocity=math.inf,
+        effort=math.inf,
+        acceleration=math.inf,
+        mimic=None,
+    )
+
+
+def limits_at_load(name: str) -> tuple[str, str]:
+    """How the limits of a joint are given when a robot is loaded: in Python, and on the command line."""
+    return f"at load, limits={{{name!r}: (lower, upper)}}", f"at load, --limits {name}=LOWER:UPPER"
+
+
+def ends_of(element: Element) -> tuple[str, str]:
+    """The parent link and the child link. Raises `RobotError` if there is none."""
+    ends = tuple(_child(element, tag).get("link") for tag in ("parent", "child"))
+    for tag, link in zip(("parent", "child"), ends, strict=True):
+        if not link:
+            raise RobotError(f"joint {element.attrib['name']!r} has no {tag} link")
+    return ends  # type: ignore[return-value]
+
+
+def _origin(element: Element) -> tuple[np.ndarray, np.ndarray]:
+    """Position (3,) [m], and roll, pitch and yaw (3,) [rad]."""
+    what, origin = f"joint {element.attrib['name']!r}, origin", _child(element, "origin")
+    for part in element:
+        if part.tag.startswith("xacro:"):
+            raise RobotError(macro_left(f"<{part.tag}> in {what}"))
+    xyz, rpy = (_numbers(origin, key, what, 3, "0 0 0", LARGEST) for key in ("xyz", "rpy"))
+    return xyz, rpy
+
+
+def _end(limit: Mapping[str, str], key: str, what: str) -> float:
+    """A position limit, infinite beyond `ENDLESS`."""
+    value = _number(limit, key, f"{what}, limit", "0", math.inf)
+    return value if abs(value) <= ENDLESS else math.copysign(math.inf, value)
 
 
 def _child(element: Element, tag: str) -> Mapping[str, str]:
@@ -104,44 +175,48 @@ def _mimic(element: Element, what: str) -> tuple[str, float, float] | None:
     leader = mimic.get("joint")
     if not leader:
         raise RobotError(f"{what} mimics a joint that is not named")
-    multiplier, offset = (
-        _number(mimic, key, f"{what}, mimic", default) for key, default in (("multiplier", "1"), ("offset", "0"))
-    )
-    return leader, multiplier, offset
+    of_leader = f"{what}, mimic"
+    multiplier = _number(mimic, "multiplier", of_leader, "1", LARGEST)
+    return leader, multiplier, _number(mimic, "offset", of_leader, "0", LARGEST)
 
 
 def _bound(limit: Mapping[str, str], key: str, what: str) -> float:
     """A velocity or effort limit: inf where it is missing or not positive, as files write what they do not know."""
-    value = _number(limit, key, f"{what}, limit", "0", finite=False)
-    return value if value > 0 else math.inf
+    value = _number(limit, key, f"{what}, limit", "0", math.inf)
+    return value if 0 < value <= ENDLESS else math.inf
 
 
 def _acceleration(limit: Mapping[str, str], key: str, what: str) -> float:
     """An attribute of URDF 1.2: inf where it is missing or 0."""
-    value = _number(limit, key, f"{what}, limit", "0", finite=False)
+    value = _number(limit, key, f"{what}, limit", "0", math.inf)
     if value < 0:
         raise RobotError(f"{what}, limit: {key}={limit[key][:80]!r} is negative")
-    return value or math.inf
+    return value if 0 < value <= ENDLESS else math.inf
 
 
-def _number(attributes: Mapping[str, str], key: str, what: str, default: str, finite: bool = True) -> float:
-    return float(_numbers(attributes, key, what, 1, default, finite)[0])
+def _number(attributes: Mapping[str, str], key: str, what: str, default: str, largest: float) -> float:
+    return float(_numbers(attributes, key, what, 1, default, largest)[0])
 
 
 def _numbers(
-    attributes: Mapping[str, str], key: str, what: str, count: int, default: str, finite: bool = True
+    attributes: Mapping[str, str], key: str, what: str, count: int, default: str, largest: float = MAX_FLOAT
 ) -> np.ndarray:
-    """`count` numbers (count,) of an attribute. Raises `RobotError` for another count, words, NaN or infinities."""
+    """`count` numbers (count,) of an attribute.
+
+    Raises `RobotError` for another count, for words, for NaN, and for numbers beyond the largest, which may be inf.
+    """
     text = attributes.get(key, default)
-    shown = f"{key}={text[:80]!r}"
+    told = f"{what}: {key}={text[:80]!r}"
     try:
         if "_" in text:
             raise ValueError("Python reads 1_0 as 10, XML does not")
         values = np.array([float(word) for word in text.split()], dtype=float)
     except ValueError:
-        raise RobotError(f"{what}: {shown} is not made of numbers") from None
+        raise RobotError(macro_left(told) if is_macro(text) else f"{told} is not made of numbers") from None
     if len(values) != count:
-        raise RobotError(f"{what}: {shown} should be {count} number{'s' if count > 1 else ''}")
-    if np.isnan(values).any() or (finite and not np.isfinite(values).all()):
-        raise RobotError(f"{what}: {shown} is not finite")
+        raise RobotError(f"{told} should be {count} number{'s' if count > 1 else ''}")
+    if np.isnan(values).any() or (largest < math.inf and not np.isfinite(values).all()):
+        raise RobotError(f"{told} is not finite")
+    if (np.abs(values) > largest).any():
+        raise RobotError(f"{told} is beyond the largest number that makes sense there, {largest:g}")
     return values

@@ -13,12 +13,18 @@ MAX_LINKS = 10_000
 """Most links that are accepted: Pinocchio compares the name of each with all before it."""
 
 
+TOOL_WORDS = ("tool", "tcp", "end_effector", "ee_link", "eef", "grasp")
+"""What is in the names of links that are made to be the tip."""
+
+
 class Edge(NamedTuple):
     """A joint as an edge from link to link."""
 
     joint: str
     parent: str
     child: str
+    moves: bool
+    """It is neither fixed nor of a kind that is not known."""
 
 
 class LinkTree:
@@ -29,6 +35,7 @@ class LinkTree:
         if len(self.links) > MAX_LINKS:
             raise RobotError(f"the robot has {len(self.links)} links, more than the {MAX_LINKS} that are accepted")
         self.above: dict[str, Edge] = {}
+        self._edges: dict[str, Edge] = {}
         self.beneath: dict[str, list[Edge]] = {link: [] for link in self.links}
         for edge in edges:
             self._add(edge)
@@ -41,15 +48,24 @@ class LinkTree:
             raise RobotError(f"the joints form a cycle through {', '.join(stray[:10])}")
         self.root = roots[0]
 
+    def rerooted(self, base: str) -> tuple[LinkTree, set[str]]:
+        """The same links as a tree whose root is `base`, and the joints that lead the other way in it."""
+        turned = {edge.joint for edge in self.path(self.root, base)}
+        swapped = [
+            edge._replace(parent=edge.child, child=edge.parent) if edge.joint in turned else edge
+            for edge in self.above.values()
+        ]
+        return LinkTree(self.links, swapped), turned
+
     def _add(self, edge: Edge) -> None:
-        for link in edge[1:]:
+        for link in (edge.parent, edge.child):
             if link not in self.beneath:
                 missing = f"names a link {link!r} that does not exist"
                 raise RobotError(f"joint {edge.joint!r} {missing}; {listed(self.links, link)}")
         other = self.above.get(edge.child)
         if other is not None:
             raise RobotError(f"link {edge.child!r} has two parents, by the joints {other.joint!r} and {edge.joint!r}")
-        self.above[edge.child] = edge
+        self.above[edge.child] = self._edges[edge.joint] = edge
         self.beneath[edge.parent].append(edge)
 
     def below(self, base: str, first: Iterable[str] = ()) -> Iterator[Edge]:
@@ -67,6 +83,10 @@ class LinkTree:
                 yield self.above[link]
             forks = sorted(self.beneath[link], key=lambda edge: order.get(edge.joint, len(order)))
             stack += [(edge.child, depth + 1) for edge in reversed(forks)]
+
+    def edge(self, joint: str) -> Edge:
+        """The edge that is the joint of that name."""
+        return self._edges[joint]
 
     def known(self, link: str, role: str) -> str:
         """The name itself if it is a link's. Raises `FrameError` that names the role, `tip` or `base`."""
@@ -87,8 +107,7 @@ class LinkTree:
         if tip is None:
             leaves = self.leaves(base)
             if len(leaves) > 1:
-                choice = f"choose one (tip={leaves[0]!r}) or several (tip={leaves[:2]!r})"
-                raise FrameError(f"there are {len(leaves)} tips, {choice}; {listed(leaves)}")
+                raise FrameError(self._choice(base))
             return (leaves[0],)
         if not isinstance(tip, (list, tuple)):
             return (self.known(tip, "tip"),)  # type: ignore[arg-type]
@@ -100,15 +119,37 @@ class LinkTree:
                 raise FrameError(f"the tip {name!r} is named twice in {list(tips)}")
         return tips
 
+    def _choice(self, base: str) -> str:
+        """Which of several tips to choose: those named as tools first, then those behind the most joints that move."""
+        depth = {base: 0}
+        for edge in self.below(base):
+            depth[edge.child] = depth[edge.parent] + edge.moves
+        leaves = sorted((link for link in self.leaves(base) if depth[link]), key=lambda link: -depth[link])
+        if not leaves:
+            return f"no joint moves behind {base!r}; {listed(self.leaves(base))}"
+        ranks = {
+            link: [k for k, word in enumerate(TOOL_WORDS) if word in link.lower()] for link in depth if depth[link]
+        }
+        tools = sorted((link for link in ranks if ranks[link]), key=lambda link: (-depth[link], ranks[link]))
+        first, *others = dict.fromkeys([*tools, *leaves])
+        several = [first, *(link for link in others if link in leaves)][:2]
+        return (
+            f"there are {len(leaves)} tips, choose one (tip={first!r}) or several (tip={several!r}); {listed(leaves)}"
+        )
+
+    def carries(self, base: str, link: str) -> bool:
+        """Whether a link hangs on the base, or is the base."""
+        while link != base:
+            if link not in self.above:
+                return False
+            link = self.above[link].parent
+        return True
+
     def path(self, base: str, tip: str) -> list[Edge]:
-        """The edges from the base to the tip. Raises `FrameError` if the tip does not hang on the base."""
+        """The edges from the base to the tip, which hangs on it."""
         path: list[Edge] = []
         link = tip
         while link != base:
-            edge = self.above.get(link)
-            if edge is None:
-                bases = [edge.parent for edge in reversed(path)]
-                raise FrameError(f"the base {base!r} does not carry the tip {tip!r}; {listed(bases, base)}")
-            path.append(edge)
-            link = edge.parent
+            path.append(self.above[link])
+            link = path[-1].parent
         return path[::-1]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from maira_qp.errors import RobotError
+from maira_qp.errors import OptionError, RobotError
 
 if TYPE_CHECKING:
     from maira_qp.robots.robot import Robot
@@ -24,15 +24,18 @@ class RobotChoice:
     """Link that is the tool; none: the only end of the chain."""
     base: str | None = None
     """Link that poses are relative to; none: the root."""
+    limits: tuple[str, ...] = ()
+    """Limits of joints of a URDF in place of its own [rad, or m], such as joint1=-1.5:1.5."""
 
     def load(self) -> Robot:
-        """The robot. Raises `RobotError`, `FrameError`, `OSError`."""
+        """The robot. Raises `RobotError`, `FrameError`, `OptionError`."""
         from maira_qp.robots.dh import DHTable
         from maira_qp.robots.robot import Robot
 
         suffix = Path(self.robot).suffix.lower()
+        limits = dict(map(_limits, self.limits))
         if suffix in (".urdf", ".xml"):
-            return Robot.from_urdf(Path(self.robot), tip=self.tip, base=self.base)
+            return Robot.from_urdf(Path(self.robot), tip=self.tip, base=self.base, limits=limits)
         if self.robot in CATALOG:
             robot = getattr(Robot, self.robot)()
         elif suffix in (".toml", ".yaml", ".yml"):
@@ -41,6 +44,16 @@ class RobotChoice:
             raise RobotError(
                 f"unknown robot {self.robot!r}; valid: {', '.join(CATALOG)}, a file (.urdf, .xml, .toml, .yaml, .yml)"
             )
-        if self.tip is None and self.base is None:
+        if self.tip is None and self.base is None and not limits:
             return robot
-        return Robot.from_urdf(robot.urdf, tip=self.tip or robot.tip, base=self.base)
+        return Robot.from_urdf(robot.urdf, tip=self.tip or robot.tip, base=self.base, limits=limits)
+
+
+def _limits(word: str) -> tuple[str, tuple[float, float]]:
+    """A joint's name, and its limits. Raises `OptionError`."""
+    name, _, ends = word.rpartition("=")
+    try:
+        lower, upper = map(float, ends.split(":"))
+    except ValueError:
+        raise OptionError(f"--limits takes JOINT=LOWER:UPPER, such as joint1=-1.5:1.5, not {word!r}") from None
+    return name, (lower, upper)
