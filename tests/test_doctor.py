@@ -6,10 +6,12 @@ import json
 
 import numpy as np
 import pytest
+from numba import config
 
 from maira_qp.apps import doctor
 from maira_qp.apps.cli import main
 from maira_qp.apps.doctor import State
+from maira_qp.kernels import code_cache
 from maira_qp.problem import backends
 from maira_qp.problem.qp import QPSolution
 from maira_qp.solvers.solver import Solver
@@ -99,23 +101,28 @@ def test_the_self_check_does_not_believe_the_solver(monkeypatch):
     assert "ZeroDivisionError" in last.told
 
 
-@pytest.mark.parametrize(("kept", "told"), [((), "15 seconds"), (("search.search-1.py.nbc",), "10 more")])
+@pytest.mark.parametrize(("kept", "told"), [((), "15 seconds"), (("search.search-1.kernel",), "10 more")])
 def test_a_compile_to_come_is_told(monkeypatch, tmp_path, kept, told):
     """What has not been compiled yet is said to take its time; without a folder for it there is advice."""
-    from maira_qp.kernels.search import search
-
-    class Kernel:
-        stats = type(search.stats)(str(tmp_path), {}, {})
-
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+    (folder,) = code_cache.folders()
+    folder.mkdir(parents=True)
     for name in kept:
-        (tmp_path / name).write_bytes(b"1234")
-    monkeypatch.setattr("maira_qp.kernels.search.search", Kernel)
+        (folder / name).write_bytes(bytes(1_000_000))
     seen = found(doctor.cache)["compiled code"]
     assert seen.state is State.WELL
-    assert f"{len(kept)} pieces" in seen.told
+    assert f"{len(kept)} files, {len(kept)} MB, in {folder}" in seen.told
     assert told in seen.told
     assert ("15 seconds" in seen.told) == (not kept)
-    Kernel.stats = type(search.stats)(None, {}, {})
+    assert "--clear" not in seen.told
+    other = folder.with_name("0" * 16)
+    other.mkdir()
+    (other / "search.search-1.kernel").write_bytes(bytes(2_000_000))
+    told = found(doctor.cache)["compiled code"].told
+    assert f"{len(kept)} files, {len(kept)} MB" in told
+    assert f"{len(kept) + 2} MB with what is older" in told
+    assert sorted(path.name for path in folder.iterdir()) == sorted(kept)
+    monkeypatch.setattr(config, "CACHE_DIR", __file__)
     seen = found(doctor.cache)["compiled code"]
     assert seen.state is State.FAULT
     assert "NUMBA_CACHE_DIR" in seen.advice

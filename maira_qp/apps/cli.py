@@ -13,6 +13,7 @@ import tyro
 
 import maira_qp
 from maira_qp.apps.commands.bench import Bench
+from maira_qp.apps.commands.cache import Cache
 from maira_qp.apps.commands.compare import Compare
 from maira_qp.apps.commands.doctor import Doctor
 from maira_qp.apps.commands.fk import Fk
@@ -45,6 +46,7 @@ Command = (
     | Annotated[Plot, tyro.conf.subcommand("plot")]
     | Annotated[View, tyro.conf.subcommand("view")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
+    | Annotated[Cache, tyro.conf.subcommand("cache")]
 )
 
 
@@ -73,13 +75,7 @@ def _run(arguments: list[str]) -> int:
             _run([*arguments, "--help"])
         return MISUSE
     try:
-        command = _parse(arguments)
-        if isinstance(command, (Fk, Urdf)):  # nothing of theirs is compiled
-            return command.run()
-        from maira_qp.apps.commands.output import compilation_told
-
-        with compilation_told():
-            return command.run()
+        return _parse(arguments).run()
     except BrokenPipeError:
         raise
     except (MairaError, OSError) as reason:

@@ -154,24 +154,31 @@ def cache() -> Iterator[Finding]:
     """Where the compiled code is kept, and whether some of it has yet to be compiled."""
     from numba import config
 
-    from maira_qp.kernels.search import search
+    from maira_qp.kernels import code_cache
 
     if config.DISABLE_JIT:
         told = "switched off: a solve takes a thousand times as long"
         yield Finding("engine", "compiled code", State.FAULT, told, "unset NUMBA_DISABLE_JIT")
         return
-    folder = search.stats.cache_path
-    if folder is None:  # Numba has tried to write: beside the package, and in the user's cache
-        told, advice = "kept nowhere: each process compiles anew", "set NUMBA_CACHE_DIR to a folder to write to"
-        yield Finding("engine", "compiled code", State.FAULT, told, advice)
+    folder = code_cache.writable()
+    if folder is None:
+        tried = ", ".join(map(str, code_cache.roots())) or "no folder: the sources of the kernels are not installed"
+        told = f"kept nowhere, each process compiles anew; tried {tried}"
+        yield Finding("engine", "compiled code", State.FAULT, told, "set NUMBA_CACHE_DIR to a folder to write to")
         return
-    kept = list(Path(folder).glob("*.nbc"))
-    size = sum(file.stat().st_size for file in kept) / 1e6
-    told = f"{len(kept)} pieces, {size:.0f} MB, in {folder} (writable)"
+    kept = code_cache.kept()
+    current = [file for file in kept if file.parent == folder]
+    told = f"{len(current)} files, {_megabytes(current)}, in {folder} (writable)"
+    if len(kept) > len(current):
+        told += f"; {_megabytes(kept)} with what is older or of other environments: maira-qp cache --clear"
     for kernel, work in FIRST.items():
-        if not list(Path(folder).glob(f"{kernel}-*.nbc")):
+        if not any(file.name.startswith(f"{kernel}-") for file in current):
             told += f"; {work}"
     yield Finding("engine", "compiled code", State.WELL, told)
+
+
+def _megabytes(files: list[Path]) -> str:
+    return f"{sum(file.stat().st_size for file in files) / 1e6:.0f} MB"
 
 
 def self_check() -> Iterator[Finding]:

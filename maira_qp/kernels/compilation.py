@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numba import config, njit
 
+from maira_qp.kernels.code_cache import CodeCache
 from maira_qp.kernels.parts import EntryCompiler, part
 
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
@@ -41,10 +42,8 @@ def _compiled(function: Callable, **options: Any) -> Any:
     if function.__name__.startswith("_"):
         return inner
     options |= OPTIONS | {"pipeline_class": EntryCompiler}
-    try:
-        entry: Any = njit(**options, cache=True)(function)
-    except RuntimeError:  # no folder for the cache: a read-only package and no home
-        entry = njit(**options)(function)
+    entry: Any = njit(**options)(function)
+    entry._cache = CodeCache(function)
     entry.get_call_template, entry.get_overload = inner.get_call_template, inner.get_overload
     return entry
 

@@ -110,23 +110,3 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None]]:
             bar.update(task, completed=done, total=total, rate=f"{rate:.0f} a second")
 
         yield show
-
-
-@contextlib.contextmanager
-def compilation_told() -> Iterator[None]:
-    """Says on stderr what is happening when kernels are compiled, which a machine does once and takes some seconds."""
-    from numba.core import event
-
-    class Teller(event.Listener):
-        told = False
-
-        def on_start(self, event: Any) -> None:
-            if not self.told:
-                self.told = True
-                console(stderr=True).print("compiling the engine for this machine, once: this takes some seconds")
-
-        def on_end(self, event: Any) -> None:
-            pass
-
-    with event.install_listener("numba:compile", Teller()):
-        yield

@@ -1,0 +1,39 @@
+"""`maira-qp cache`: where the machine code of the kernels is kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import tyro
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cache:
+    """Show where the compiled code is kept and how much there is, or clear it. What is missing is compiled again when
+    it is needed; code older than the kernels' sources is never used."""
+
+    clear: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Remove it."""
+    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    """One JSON value on stdout."""
+
+    def run(self) -> int:
+        """Prints folder, files and bytes, in all and of the current sources; always 0."""
+        from maira_qp.apps.commands.output import console, print_json
+        from maira_qp.kernels import code_cache
+
+        files, out = code_cache.kept(), console()
+        size = sum(file.stat().st_size for file in files)
+        if self.clear:
+            code_cache.clear()
+        current = [file for file in files if file.parent.name == code_cache.KEY]
+        folders = list(map(str, code_cache.roots()))
+        if self.json:
+            told = {"folders": folders, "key": code_cache.KEY, "files": len(files), "bytes": size}
+            print_json({**told, "current_files": len(current), "cleared": self.clear})
+        elif self.clear:
+            out.print(f"cleared {len(files)} files, {size / 1e6:.1f} MB, from {', '.join(folders)}")
+        else:
+            out.print(f"{len(files)} files, {size / 1e6:.1f} MB, in {', '.join(folders)}")
+            out.print(f"{len(current)} of them are of the current sources and versions, key {code_cache.KEY}")
+        return 0
