@@ -18,8 +18,9 @@ from maira_qp.problem.costs import TaskCost, tasks_toward
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.robots.configuration import Configuration
 from maira_qp.solvers.descent import Budget, Descent
+from maira_qp.solvers.limbs import search_limbs
 from maira_qp.solvers.priorities import Priorities, Targets
-from maira_qp.solvers.search import Search, found_by_kernel, nearest, search, stationarity
+from maira_qp.solvers.search import Reached, Search, found_by_kernel, nearest, search, stationarity
 from maira_qp.solvers.setting import Setting
 from maira_qp.solvers.settling import settle
 from maira_qp.solvers.solution import Solution, Status
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
 
 TOGETHER = 30
 """Restarts of the search for a configuration that meets the tasks of all levels at once: then no level has to yield."""
-
-Reached = Callable[[Configuration], bool]
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ class General:
         found, sought = None, cost
         if len(self.priorities.all_tasks) > len(self.priorities.first):
             everything = tasks_toward(self.priorities.all_tasks, targets)
-            together = search(everything, start, self.setting, budget, rng, self.reached(everything), TOGETHER)
+            together = search_limbs(everything, start, self.setting, budget, rng, self.reached, TOGETHER)
             found, sought = (together, everything) if together.best.reached else (None, cost)
         if found is None and self.compiled is not None and observe is None and self.compiled.takes(start):
             found = self.compiled.search(rows[0, 0], start, stream, bool(seed.any()), budget)
@@ -72,7 +71,7 @@ class General:
             found = self._screened(cost, start, rows[0, 0], budget, rng(), reached)
         elif found is None:
             hopeless = lambda: self._is_hopeless(targets)  # noqa: E731
-            found = search(cost, start, self.setting, budget, rng, reached, is_hopeless=hopeless)
+            found = search_limbs(cost, start, self.setting, budget, rng, self.reached, is_hopeless=hopeless)
         if start is None and self.priorities.posture is not None:
             found = replace(found, best=self._unwound(found.best, sought))
         moved = bool(start is not None and (start != q0).any())

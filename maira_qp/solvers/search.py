@@ -22,6 +22,8 @@ from maira_qp.solvers.setting import Setting
 
 log = logging.getLogger(__name__)
 
+Reached = Callable[[Configuration], bool]
+"""Whether a configuration is what a search looks for."""
 
 HEAD = 64
 """After so many restarts without success it is worth a few milliseconds to see whether the target is out of reach."""
