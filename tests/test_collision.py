@@ -355,7 +355,7 @@ def test_fast_arm_looks_farther(rng):
         G, h = rows or (np.empty((0, 7)), np.empty(0))
         every = limit.scene.contacts(at.q, math.inf)
         left = every.distances - limit.margin
-        allowed = np.where(left > 0, gain * dt * left, left)
+        allowed = np.where(left > 0, gain * dt / (1 + gain * dt) * left, left)
         most = -every.gradients @ v * dt + 5.0 * dt**2 * np.abs(every.gradients).sum(axis=1)
         wanted = (left < limit.influence) | (allowed <= most)
         np.testing.assert_array_equal(h, allowed[wanted])

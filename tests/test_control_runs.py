@@ -13,13 +13,13 @@ import maira_qp as mq
 class Run:
     """A robot under control, watched."""
 
-    def __init__(self, robot: mq.Robot, solver: mq.Solver, q: np.ndarray, dt: float) -> None:
+    def __init__(self, robot: mq.Robot, solver: mq.Solver, q: np.ndarray, dt: float = 0.01) -> None:
         self.robot, self.solver, self.dt = robot, solver, dt
         self.q, self.velocity = np.array(q), np.zeros(robot.n)
 
-    def tick(self, target) -> mq.Step:
+    def tick(self, target, dt: float | None = None) -> mq.Step:
         """One tick, all of whose limits are checked."""
-        robot, dt = self.robot, self.dt
+        robot, dt = self.robot, self.dt if dt is None else dt
         t = self.solver.step(self.q, target, dt, velocity=self.velocity)
         assert np.isfinite(t.q).all()
         assert np.isfinite(t.velocity).all()
@@ -83,6 +83,49 @@ def test_no_tick_breaks_a_limit(name, acceleration, ticks, rng):
         if k % 40 == 0:
             targets = targets_of(robot, rng)
         run.tick(targets)
+
+
+@pytest.mark.parametrize("spread", [0.2, 2.0])
+@pytest.mark.parametrize(
+    ("name", "backend", "ticks"),
+    [
+        ("maira", None, 2000),
+        ("panda", None, 2000),
+        ("ur5", None, 1000),
+        ("baxter_arms", None, 300),
+        ("maira", "daqp", 150),
+        ("kr210", "daqp", 150),
+    ],
+)
+def test_limits_hold_whatever_sequence_of_dt(name, backend, ticks, spread, rng):
+    """Ticks of 10 ms that vary by 20 %, or between 1 and 70 ms, toward targets at the limits of the joints."""
+    robot, at_limit = robot_of(name).limited(acceleration=5.0), 0
+    start = robot.random_configuration(rng)
+    run = Run(robot, mq.Solver(robot, redundancy=mq.Strict(mq.Posture()), backend=backend), start)
+    for k in range(ticks):
+        if k % 100 == 0:
+            beyond = robot.random_configuration(rng) * rng.uniform(1, 1.5)
+            targets = {tip: robot.forward(beyond, tip) for tip in robot.tips}
+        run.tick(targets, dt=0.01 * np.exp(spread * rng.uniform(-1, 1)))
+        at_limit += ((run.q - robot.lower < 1e-3) | (robot.upper - run.q < 1e-3)).any()
+    assert at_limit > ticks / 20 or name == "ur5" or backend == "daqp"
+
+
+@pytest.mark.parametrize("backend", [None, "daqp"])
+def test_a_velocity_that_no_braking_stops_ends_at_the_limit(maira, backend, rng):
+    """At full speed right before a limit: position goes before acceleration, and q + v dt is the next q."""
+    robot = maira.limited(acceleration=0.5)
+    solver, dt = mq.Solver(robot, backend=backend), 0.01
+    for _ in range(10):
+        q, v = robot.random_configuration(rng), robot.velocity_limit * rng.choice([-1, 1], robot.n)
+        q = np.where(rng.random(robot.n) < 0.5, np.where(v > 0, robot.upper - 0.03, robot.lower + 0.03), q)
+        for _ in range(20):
+            t = solver.step(q, robot.forward(robot.middle), dt * rng.uniform(0.5, 2), velocity=v)
+            dt_now = np.abs(t.q - q).max() / np.abs(t.velocity).max()
+            assert (robot.lower <= t.q).all()
+            assert (t.q <= robot.upper).all()
+            assert np.abs(t.q - (q + dt_now * t.velocity)).max() <= 1e-12
+            q, v = t.q, t.velocity
 
 
 @pytest.mark.parametrize("redundancy", [mq.Strict(mq.Posture()), mq.Weighted(mq.Posture())], ids=["strict", "weighted"])

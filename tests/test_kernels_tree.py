@@ -66,8 +66,8 @@ def test_bounds_are_those_of_the_limits(acceleration, rng):
     robot = robot if acceleration is None else robot.limited(acceleration=acceleration)
     tree, n = KinematicTree.of(robot).joints, robot.n
     limits = (
-        PositionLimit(robot.lower, robot.upper, robot.acceleration_limit),
         AccelerationLimit(robot.acceleration_limit),
+        PositionLimit(robot.lower, robot.upper, robot.acceleration_limit),
         VelocityLimit(robot.velocity_limit),
     )
     lower, upper, rest = np.full((3, n), np.nan)

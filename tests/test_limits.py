@@ -50,8 +50,8 @@ def test_the_merged_box_is_never_empty(rng):
         upper = lower + rng.choice([0.0, 1.0], size=4) * rng.random(4)
         acceleration = rng.choice([rng.uniform(1e-3, 100), AT_ONCE], size=4)
         limits = [
-            PositionLimit(lower, upper, acceleration),
             AccelerationLimit(acceleration),
+            PositionLimit(lower, upper, acceleration),
             VelocityLimit(rng.uniform(1e-6, 10, 4)),
         ]
         bounds = merge(limits, at(*3 * rng.normal(size=4)), Tick(rng.uniform(1e-4, 1), rng.normal(size=4)))
@@ -73,26 +73,55 @@ def test_a_row_that_a_joint_cannot_help_breaking_leaves_it_room_to_brake():
     assert bounds.h.tolist() == bounds.rest.tolist()
 
 
-def test_a_joint_never_comes_to_its_limit_faster_than_it_can_brake(rng):
-    """As fast as allowed toward the limit, tick after tick: acceleration always kept, the limit reached, at rest."""
+def joint_limits(acceleration: float, speed: float) -> list:
+    """Of one joint between -1 and 1, in the order of a solver."""
+    return [
+        AccelerationLimit(np.array([acceleration])),
+        PositionLimit(np.array([-1.0]), np.array([1.0]), np.array([acceleration])),
+        VelocityLimit(np.array([speed])),
+    ]
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.2, 3.0])
+def test_a_joint_never_comes_to_its_limit_faster_than_it_can_brake(spread, rng):
+    """As fast as allowed toward the limit, in ticks of the same length, of lengths that vary by 20 %, of 1 to 20 times.
+
+    Acceleration always kept, the limit reached, at rest.
+    """
     for _ in range(30):
         acceleration, dt = 10 ** rng.uniform(-1, 2), 10 ** rng.uniform(-3, -1)
-        limits = [
-            PositionLimit(np.array([-1.0]), np.array([1.0]), np.array([acceleration])),
-            AccelerationLimit(np.array([acceleration])),
-            VelocityLimit(np.array([10 ** rng.uniform(-1, 1)])),
-        ]
+        limits = joint_limits(acceleration, 10 ** rng.uniform(-1, 1))
         q, velocity, fastest = rng.uniform(-1, 1), 0.0, 0.0
         for _ in range(200_000):
-            step = float(merge(limits, at(q), Tick(dt, np.array([velocity]))).upper[0])
-            assert abs(step / dt - velocity) <= acceleration * dt * (1 + 1e-9) + 1e-12
+            dt_now = dt * np.exp(rng.uniform(-spread, spread) / 2)
+            step = float(merge(limits, at(q), Tick(dt_now, np.array([velocity]))).upper[0])
+            assert abs(step / dt_now - velocity) <= acceleration * dt_now * (1 + 1e-9) + 1e-12
             assert q + step <= 1 + 1e-12
             if step < 1e-15:
                 break
-            q, velocity = q + step, step / dt
+            q, velocity = q + step, step / dt_now
             fastest = max(fastest, velocity)
         assert q == pytest.approx(1, abs=1e-9)
         assert fastest > 0
+
+
+def test_a_joint_that_is_too_fast_to_stop_brakes_evenly_and_stops_at_its_limit(rng):
+    """From a velocity that no tick would have led to: never beyond, harder than allowed by no more than it takes."""
+    for _ in range(100):
+        room, acceleration = rng.uniform(0.01, 1), 10 ** rng.uniform(-1, 1)
+        needed = acceleration * 10 ** rng.uniform(0.1, 2)  # the even deceleration that stops at the limit
+        velocity = np.sqrt(2 * needed * room)
+        limits, q = joint_limits(acceleration, np.inf), 1 - room
+        for _ in range(10_000):
+            dt = 10 ** rng.uniform(-4, -1)
+            step = float(merge(limits, at(q), Tick(dt, np.array([velocity]))).upper[0])
+            assert step >= 0
+            assert q + step <= 1 + 1e-12
+            assert velocity - step / dt <= needed * dt * (1 + 1e-6)
+            q, velocity = q + step, step / dt
+            if velocity < 1e-9:
+                break
+        assert velocity < 1e-9
 
 
 @pytest.mark.parametrize(

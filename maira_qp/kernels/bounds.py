@@ -13,14 +13,21 @@ from maira_qp.kernels.tree import ACCELERATION, VELOCITY
 def bounds_of_tick(tree, q, velocity, dt, lower, upper):
     """Bounds (n,) on the displacement in a tick of dt [s] from q (n,) at a velocity (n,)."""
     for i in range(len(q)):
-        acceleration, reach = tree[i, ACCELERATION], tree[i, VELOCITY] * dt
-        change = acceleration * (dt * dt)
-        low = -braking_displacement(q[i] - tree[i, LOWER], change)
-        high = braking_displacement(tree[i, UPPER] - q[i], change)
-        change = acceleration * dt
-        slow, fast = (velocity[i] - change) * dt, (velocity[i] + change) * dt
-        lower[i] = min(max(min(max(low, slow), fast), -reach), reach)
-        upper[i] = min(max(min(max(high, slow), fast), -reach), reach)
+        reach, change, ahead = tree[i, VELOCITY] * dt, tree[i, ACCELERATION] * (dt * dt), velocity[i] * dt
+        below, above = tree[i, LOWER] - q[i], tree[i, UPPER] - q[i]
+        low, high = -_toward(-below, change, -ahead), _toward(above, change, ahead)
+        if above < 0.0:
+            low = min(low, high)
+        if below > 0.0:
+            high = max(low, high)
+        lower[i] = min(max(min(max(ahead - change, low), high), -reach), reach)
+        upper[i] = min(max(min(max(ahead + change, low), high), -reach), reach)
+
+
+@bare_kernel
+def _toward(room, change, ahead):
+    """The largest displacement toward a limit that is `room` away; where that is negative, the way back."""
+    return max(room, ahead - change) if room < 0.0 else braking_displacement(room, change, ahead)
 
 
 @bare_kernel
@@ -31,12 +38,14 @@ def bounds_of_position(tree, q, lower, upper):
 
 
 @bare_kernel
-def braking_displacement(room, change):
-    """The largest displacement of a tick from which a joint stops within `room`, slower by `change` a tick."""
+def braking_displacement(room, change, ahead):
+    """The largest displacement of a tick from which a joint that goes `ahead` now stops within `room`."""
     if not (0.0 < room < math.inf and change < math.inf):
         return room
-    k = math.floor(0.5 * (math.sqrt(1.0 + 8.0 * room / change) - 1.0))
-    return min((room + 0.5 * change * k * (k + 1.0)) / (k + 1.0), room)
+    x = 2.0 * room / change
+    if ahead > 0.0 and ahead * ahead > 2.0 * room * change:
+        x = (2.0 * room / ahead) ** 2
+    return min(2.0 * room / (1.0 + math.sqrt(1.0 + x)), room)
 
 
 @bare_kernel
@@ -46,7 +55,7 @@ def share_to_stop(tree, way, dt):
     for i in range(len(way)):
         room = abs(way[i])
         if room > 0.0:
-            share = min(share, braking_displacement(room, tree[i, ACCELERATION] * (dt * dt)) / room)
+            share = min(share, braking_displacement(room, tree[i, ACCELERATION] * (dt * dt), 0.0) / room)
     return share
 
 

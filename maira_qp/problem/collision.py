@@ -3,13 +3,13 @@
 Each pair of shapes that is near gives one row. With d its distance and n = dd/dq,
 
     -n dq <= d - margin                                     where no time passes
-    -n dq <= min(1, gain dt) (d - margin)                   in a control tick of dt
+    -n dq <= gain dt / (1 + gain dt) (d - margin)           in a control tick of dt
 
 The second is the velocity damper of Faverjon and Tournassoud, "A local based approach for path planning of manipulators
-with a high number of degrees of freedom", 1987: the speed of approach is at most `gain` times what is left, which then
-goes as exp(-gain t): the margin is reached, asymptotically and without chatter. Such an approach slows down by at most
-`gain` times its speed, so with limited accelerations the gain is at most the smallest ratio of acceleration to speed
-that a joint has: then no joint has to brake harder than it can.
+with a high number of degrees of freedom", 1987, for what is left after the tick: the speed of approach is then at most
+`gain` times that, which goes as exp(-gain t): the margin is reached, asymptotically and without chatter. Such an
+approach slows down by at most `gain` times its speed, so with limited accelerations the gain is at most the smallest
+ratio of acceleration to speed that a joint has: then no joint has to brake harder than it can, however dt varies.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class CollisionLimit(Limit):
     missing: Literal["error", "ignore"] = "error"
     """What happens if a mesh of the robot is not found: an `OptionError`, or it is left out with a warning."""
     gain: float = 10.0
-    """In a tick, a pair approaches at no more than `gain (distance - margin)` [1/s]; > 0. Less where accelerations
+    """After a tick, a pair approaches at no more than `gain (distance - margin)` [1/s]; > 0. Less where accelerations
     are limited."""
     _scene: Scene | None = field(default=None, repr=False)
     _braking: _Braking | None = field(default=None, repr=False)
@@ -157,7 +157,7 @@ class CollisionLimit(Limit):
         if not len(contacts.pairs):
             return None
         left, G = contacts.distances - self.margin, -contacts.gradients
-        h = np.where(left > 0, min(1.0, self._braking.gain * tick.dt) * left, left)
+        h = np.where(left > 0, self._braking.share(tick.dt) * left, left)
         if influence == self.influence:
             return G, h
         kept = (left < self.influence) | (h <= self._braking.most(G, tick))
@@ -167,6 +167,16 @@ class CollisionLimit(Limit):
         """By how much the nearest pair is nearer than the margin [m]; >= 0."""
         distances = self._near(at).distances
         return max(0.0, self.margin - float(distances.min())) if distances.size else 0.0
+
+    def violations(self, at: Configuration) -> np.ndarray:
+        """By how much each pair of the scene is nearer than the margin (k,) [m]; >= 0."""
+        missing, contacts = np.zeros(len(self.scene.pairs)), self._near(at)
+        missing[contacts.pairs] = np.maximum(self.margin - contacts.distances, 0.0)
+        return missing
+
+    def parts(self, at: Configuration) -> np.ndarray:
+        """The pair of each row (m,)."""
+        return self._near(at).pairs
 
     def active(self, at: Configuration) -> list[str]:
         """The pairs at the margin, or nearer, such as "link2 - ball"."""
@@ -220,6 +230,10 @@ class _Braking:
     """(n,) No point of the robot moves faster than `levers @ |v|` [m/rad, or 1]."""
     acceleration: np.ndarray
     """(n,) [rad/s^2 or m/s^2]"""
+
+    def share(self, dt: float) -> float:
+        """Of what is left to the margin, the share that may be gone in a tick of dt [s]."""
+        return self.gain * dt / (1 + self.gain * dt)
 
     def most(self, G: np.ndarray, tick: Tick) -> np.ndarray:
         """The largest `G dq` (m,) that the accelerations allow in a tick, for G (m, n)."""

@@ -81,6 +81,15 @@ class Limit:
         """By how much the configuration breaks a limit whose rows hold to first order only; >= 0."""
         return 0.0
 
+    def violations(self, at: Configuration) -> np.ndarray:
+        """The same for each part of the limit (k,), at all configurations as many: a tick lets none grow."""
+        return np.array([self.violation(at)])
+
+    def parts(self, at: Configuration) -> np.ndarray:
+        """Which of `violations` each row (m,) of no tick is about: its `h` is at least minus that."""
+        rows = self.rows(at, None)
+        return np.zeros(0 if rows is None else len(rows[1]), dtype=int)
+
     def active(self, at: Configuration) -> list[str]:
         """What of the limit the configuration stands on, by name."""
         return []
@@ -90,10 +99,13 @@ class Limit:
 class PositionLimit(Limit):
     """`lower <= q + dq <= upper`, and never so fast toward a limit that the joint could not stop before it.
 
-    After a tick at speed v the joint brakes by `acceleration dt` a tick, k = floor(v / (acceleration dt)) times, and
-    goes `dt ((k + 1) v - acceleration dt k (k + 1) / 2)` in all, the tick included. Where that ends at the limit is the
-    largest v: from a state that keeps this the next one can always be reached by braking (viability: Del Prete, "Joint
-    position and velocity bounds in discrete-time acceleration/torque control of robot arms", 2018).
+    After a tick at speed v the room r that is left is to be at least the braking distance `v^2 / (2 acceleration)`. In
+    a later tick, of whatever length, a joint that brakes goes less far than one that brakes continuously, so a state
+    that keeps this can always be followed by one that does, also where dt varies from tick to tick (viability: Del
+    Prete, "Joint position and velocity bounds in discrete-time acceleration/torque control of robot arms", 2018, whose
+    bound for a constant dt is wider by half a tick). A joint that comes too fast for that (with a velocity from
+    elsewhere, or after limits were narrowed) brakes evenly and harder than `acceleration`, as hard as it takes to stop
+    at the limit: position goes before acceleration.
     """
 
     lower: np.ndarray
@@ -104,23 +116,31 @@ class PositionLimit(Limit):
     """(n,) [rad/s^2 or m/s^2], inf for a joint that can stop at once"""
 
     def box(self, at: Configuration, tick: Tick | None) -> tuple[np.ndarray, np.ndarray]:
-        """The distance to either limit; in a tick, what may be gone of it."""
+        """The distance to either limit; in a tick, what may be gone of it, from outside what must be."""
         below, above = self.lower - at.q, self.upper - at.q
         if tick is None:
             return below, above
-        change = self.acceleration * tick.dt**2
-        return -braking_displacement(-below, change), braking_displacement(above, change)
+        low, high = -self._toward(-below, -tick.velocity, tick.dt), self._toward(above, tick.velocity, tick.dt)
+        return np.where(above < 0, np.minimum(low, high), low), np.where(below > 0, np.maximum(low, high), high)
+
+    def _toward(self, room: np.ndarray, velocity: np.ndarray, dt: float) -> np.ndarray:
+        """The largest displacement (n,) toward a limit `room` (n,) away; where that is negative, the way back."""
+        change, ahead = self.acceleration * dt**2, velocity * dt
+        return np.where(room < 0, np.maximum(room, ahead - change), braking_displacement(room, change, ahead))
 
 
-def braking_displacement(room: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """The largest displacement (n,) of a tick from which a joint stops within `room` (n,), slower by `change` a tick.
+def braking_displacement(room: np.ndarray, change: np.ndarray, ahead: np.ndarray | float = 0.0) -> np.ndarray:
+    """The largest displacement (n,) of a tick from which a joint stops within `room` (n,).
 
-    Where there is no room it is the room itself, which is then negative: the way back.
+    `change` (n,) is `acceleration dt^2`, the most by which a tick's displacement can change from the last, and `ahead`
+    (n,) that of a tick at the speed of now. The displacement d solves `d + d^2 / (2 change) = room`; from speeds of
+    which no stop is possible, the same with the change that makes one possible, `ahead^2 / (2 room)`.
     """
     free = (room > 0) & (room < np.inf) & (change < np.inf)
-    D, a = np.where(free, room, 1.0), np.where(free, change, 1.0)
-    k = np.floor(0.5 * (np.sqrt(1 + 8 * D / a) - 1))
-    return np.where(free, np.minimum((D + 0.5 * a * k * (k + 1)) / (k + 1), D), room)
+    r, c = np.where(free, room, 1.0), np.where(free, change, 1.0)
+    too_fast = (ahead > 0) & (np.square(ahead) > 2 * r * c)
+    x = np.where(too_fast, np.square(2 * r / np.where(too_fast, ahead, 1.0)), 2 * r / c)
+    return np.where(free, np.minimum(2 * r / (1 + np.sqrt(1 + x)), room), room)
 
 
 @dataclass(frozen=True)
@@ -133,8 +153,8 @@ class AccelerationLimit(Limit):
         """What a tick can change."""
         if tick is None:
             return None
-        change = self.acceleration * tick.dt
-        return (tick.velocity - change) * tick.dt, (tick.velocity + change) * tick.dt
+        change, ahead = self.acceleration * tick.dt**2, tick.velocity * tick.dt
+        return ahead - change, ahead + change
 
 
 @dataclass(frozen=True)
@@ -179,8 +199,9 @@ def merge(limits: Sequence[Limit], at: Configuration, tick: Tick | None = None) 
     """The limits at a configuration as one `Bounds`, which always admits its `rest`.
 
     Each box is clipped into the ones that come later in the list, so the merged box is never empty: with position
-    before velocity, a joint outside its limits comes back at its limit speed. A row that is already broken, or that a
-    joint which cannot stop at once is about to break, may not be broken further.
+    between acceleration and velocity, a joint outside its limits comes back at its limit speed, and one that is too
+    fast to stop stops nevertheless. A row that is already broken, or that a joint which cannot stop at once is about to
+    break, may not be broken further.
     """
     n = at.n
     lower, upper = np.full(n, -np.inf), np.full(n, np.inf)

@@ -36,8 +36,8 @@ class Setting:
         """All limits, those of the joints first."""
         robot = self.robot
         return (
-            PositionLimit(robot.lower, robot.upper, robot.acceleration_limit),
             AccelerationLimit(robot.acceleration_limit),
+            PositionLimit(robot.lower, robot.upper, robot.acceleration_limit),
             VelocityLimit(robot.velocity_limit),
             *self.further,
         )
@@ -53,11 +53,29 @@ class Setting:
     @cached_property
     def is_bent(self) -> bool:
         """Some limits are known by their rows to first order only."""
-        return any(type(limit).violation is not Limit.violation for limit in self.limits)
+        return bool(self._bent)
+
+    @cached_property
+    def _bent(self) -> tuple[Limit, ...]:
+        return tuple(limit for limit in self.further if type(limit).violation is not Limit.violation)
 
     def violation(self, at: Configuration) -> float:
         """By how much a configuration breaks one of them; >= 0."""
         return max((limit.violation(at) for limit in self.limits), default=0.0)
+
+    def violations(self, at: Configuration) -> np.ndarray:
+        """By how much a configuration breaks each part of them (k,); >= 0."""
+        return np.concatenate([limit.violations(at) for limit in self._bent])
+
+    def rows_within(self, at: Configuration, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """G (m, n) and h (m,) that keep each part of them broken by at most what is `allowed` (k,), to first order."""
+        G, h, start = [np.empty((0, at.n))], [np.empty(0)], 0
+        for limit in self._bent:
+            if (rows := limit.rows(at, None)) is not None:
+                G.append(rows[0])
+                h.append(rows[1] + allowed[start + limit.parts(at)])
+            start += len(limit.violations(at))
+        return np.vstack(G), np.concatenate(h)
 
     def breach(self, at: Configuration) -> float:
         """Half the sum of squares of what is broken of all limits with rows."""

@@ -14,7 +14,6 @@ that way only so fast that every joint could still stop where it ends.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -25,6 +24,7 @@ import numpy as np
 from maira_qp.problem.costs import ExactTaskCost, LevelObjective, TaskCost, WeightedCost, strict_levels
 from maira_qp.problem.hierarchy import Level, null_space, positive_part, solve_each_level
 from maira_qp.problem.limits import Bounds, Tick, braking_displacement
+from maira_qp.problem.qp import QP
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.robots.configuration import Configuration
@@ -36,11 +36,17 @@ SMALL_ERROR = 1e-3
 
 HALVINGS = 12
 
+CORRECTIONS = 2
+"""Times that bent limits are linearised anew to correct a step."""
+
 ROW_SPACE = 1e-6
 """Directions that a task feels by less than this share of what it feels most are self-motion."""
 
 GLANCES = 8
 """Configurations on the way to a stop at which bent limits are looked at."""
+
+SAME = 1e-10
+"""Growth of a violation that counts as none, since distances are known to some rounding [m]."""
 
 FAINT = 1e-6
 """What a displacement counts against the limits that it brings the arm back into."""
@@ -98,7 +104,7 @@ def keeps_further_limits(
             return False
         if rows is not None and not (rows[0] @ dq <= rows[1]).all():
             return False
-    return not setting.is_bent or _violation_ahead(setting.robot.at(ahead), dq, setting, now) == 0.0
+    return not (setting.is_bent and _violations_ahead(setting.robot.at(ahead), dq, setting, now).any())
 
 
 def _back_inside(at: Configuration, setting: Setting, bounds: Bounds) -> list[_Model]:
@@ -194,40 +200,61 @@ def _safe(
     """The displacement (n,) with each level's part shortened until the true costs and the bent limits allow it."""
     dq = solved = bounds.rest
     there = at.moved(dq) if dq.any() else at
-    broken = max(setting.violation(at), _violation_ahead(there, dq, setting, now)) if setting.is_bent else 0.0
+    broken = np.maximum(setting.violations(at), _violations_ahead(there, dq, setting, now)) if setting.is_bent else None
     highest: list[float] = []  # what the levels so far may cost
     for k, displacement in enumerate(displacements):
         before = models[k].value(there)
         allowed = [*highest, before + (1e-9 * (1 + abs(before)) if k else 0.0)]
         part, solved, after = displacement - solved, displacement, before
         for _ in range(HALVINGS):
-            trial = at.moved(dq + part)
-            bent = setting.is_bent and _violation_ahead(trial, dq + part, setting, now) > broken
-            if bounds.contain(dq + part) and not bent:
+            step = dq + part if broken is None else _brought_back(at, dq + part, broken, setting, bounds, now)
+            if step is not None and bounds.contain(step):
+                trial = at.moved(step)
                 after = models[k].value(trial)
                 above = zip(models[:k], highest, strict=True)
                 if after <= allowed[k] and all(model.value(trial) <= most for model, most in above):
-                    dq, there = dq + part, trial
+                    dq, there = step, trial
                     break
             part, after = 0.5 * part, before
         highest.append(max(0.5 * (before + after), 0.5 * SMALL_ERROR**2))
     return dq
 
 
-def _violation_ahead(at: Configuration, dq: np.ndarray, setting: Setting, now: Tick) -> float:
-    """By how much bent limits are broken at a configuration that was reached by dq (n,), and while the arm then brakes.
+def _brought_back(
+    at: Configuration, dq: np.ndarray, allowed: np.ndarray, setting: Setting, bounds: Bounds, now: Tick
+) -> np.ndarray | None:
+    """The displacement dq (n,) with what corrects the second order by which it breaks bent limits more than `allowed`.
+
+    That is the least further displacement that keeps them as they are linearised where dq leads to (second-order
+    correction: Nocedal and Wright, section 18.3). None where it takes too long, or where they are broken while the arm
+    brakes from there.
+    """
+    for _ in range(CORRECTIONS + 1):
+        there = at.moved(dq)
+        if (setting.violations(there) <= allowed + SAME).all():
+            return dq if (_violations_ahead(there, dq, setting, now) <= allowed + SAME).all() else None
+        G, h = setting.rows_within(there, allowed)
+        G, h = np.vstack([G, bounds.G]), np.concatenate([h, np.maximum(bounds.h - bounds.G @ dq, 0.0)])
+        lower, upper = np.minimum(bounds.lower - dq, 0.0), np.maximum(bounds.upper - dq, 0.0)
+        back = setting.backend.solve(QP(np.eye(at.n), np.zeros(at.n), lower, upper, G, h))
+        if not back.found:
+            return None
+        dq = np.clip(dq + back.x, bounds.lower, bounds.upper)
+    return None
+
+
+def _violations_ahead(at: Configuration, dq: np.ndarray, setting: Setting, now: Tick) -> np.ndarray:
+    """By how much each part (k,) of the bent limits is broken where dq (n,) led to, and while the arm then brakes.
 
     So a tick that is allowed leaves a way to stop that is allowed, and braking is always there to be chosen next.
     """
-    worst, change = setting.violation(at), setting.robot.acceleration_limit * now.dt**2
-    size = np.abs(dq)
-    ticks = math.ceil(np.max(size / change, initial=0.0))
-    if ticks == 0:
-        return worst
-    for i in np.unique(np.linspace(0, ticks, GLANCES + 1).astype(int))[1:]:
-        whole = np.minimum(i, np.floor(size / change))  # ticks in which a joint still moves
-        way = np.where(whole > 0, whole * (size - 0.5 * np.where(whole > 0, change, 0.0) * (whole + 1)), 0.0)
-        worst = max(worst, setting.violation(at.moved(np.sign(dq) * way)))
+    worst, change, size = setting.violations(at), setting.robot.acceleration_limit * now.dt**2, np.abs(dq)
+    stop = np.floor(size / change)  # ticks in which a joint still moves
+    ticks = int(np.max(stop, initial=0.0))
+    for i in np.unique(np.linspace(0, ticks, GLANCES + 1).astype(int).clip(min=1))[: ticks + 1] if ticks else ():
+        braking = np.minimum(i, stop)
+        way = np.where(stop > 0, braking * (size - 0.5 * np.where(stop > 0, change, 0.0) * (braking + 1)), 0.0)
+        worst = np.maximum(worst, setting.violations(at.moved(np.sign(dq) * way)))
     return worst
 
 
