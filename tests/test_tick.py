@@ -128,3 +128,17 @@ def test_a_step_pickles_without_its_robot(maira):
     copy = pickle.loads(pickle.dumps(t))
     assert copy.active_limits == t.active_limits
     assert len(copy.active_limits) == 7
+
+
+@pytest.mark.parametrize("backend", [None, "daqp"])
+def test_full_speed_is_the_limit_and_not_a_digit_more(maira, backend, rng):
+    """With lengths of a tick by which a speed cannot be multiplied and divided without rounding up."""
+    speed = 1.3
+    lengths = [dt for dt in rng.uniform(0.001, 0.01, 500) if speed * dt / dt > speed][:5]
+    assert len(lengths) == 5
+    robot = maira.limited(velocity=speed)
+    solver, q = mq.Solver(robot, backend=backend), robot.middle + 0.4
+    target = robot.forward(robot.middle - 0.8)
+    for dt in lengths:
+        t = solver.step(q, target, dt)
+        assert np.abs(t.velocity).max() == speed
