@@ -255,3 +255,42 @@ def test_a_moving_target_does_not_set_the_arm_adrift(maira, redundancy, backend)
         travel[1] += np.linalg.norm(moved - plain)
         q, plain = ahead, moved
     assert travel[0] < 1.1 * travel[1]
+
+
+def balls(rng: np.random.Generator, count: int = 5) -> list[mq.Sphere]:
+    """Obstacles anywhere around an arm, some of them upon it."""
+    places = rng.uniform([-0.8, -0.8, 0.1], [0.8, 0.8, 1.3], (count, 3))
+    return [mq.Sphere(radius, mq.pose(p)) for radius, p in zip(rng.uniform(0.08, 0.2, count), places, strict=True)]
+
+
+@pytest.mark.parametrize("acceleration", [None, 4.0])
+@pytest.mark.parametrize("name", ["maira", "iiwa14"])
+def test_among_broken_margins_no_pair_comes_nearer(name, acceleration, rng):
+    """Each pair by itself: one inside its margin comes no nearer, one outside stays there; many of them come out."""
+    robot = mq.Robot.iiwa14() if name == "iiwa14" else robot_of(name)
+    robot = robot if acceleration is None else robot.limited(acceleration=acceleration)
+    begun, ended, tried = 0, 0, 0
+    while tried < 2:
+        limit = mq.CollisionLimit(obstacles=balls(rng), margin=0.05)
+        scene, q = limit.of(robot).scene, robot.random_configuration(rng)
+        target = robot.forward(robot.random_configuration(rng))
+
+        def distances(q: np.ndarray) -> np.ndarray:
+            """Of all pairs (k,) [m], up to 0.3."""
+            contacts = scene.contacts(q, 0.3)  # noqa: B023
+            found = np.full(len(scene.pairs), 0.3)  # noqa: B023
+            found[contacts.pairs] = contacts.distances
+            return found
+
+        before = distances(q)
+        if (before < 0.05).sum() < 3:
+            continue
+        tried, begun = tried + 1, begun + (before < 0.05).sum()
+        run = Run(robot, mq.Solver(robot, limits=[limit], redundancy=mq.Strict(mq.Posture())), q)
+        for _ in range(60):
+            run.tick(target)
+            now = distances(run.q)
+            assert (now >= np.minimum(before, 0.05) - (1e-9 if acceleration is None else 1e-6)).all()
+            before = now
+        ended += (before < 0.05).sum()
+    assert ended < begun

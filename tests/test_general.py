@@ -17,7 +17,7 @@ def test_each_error_is_compared_with_its_own_tolerance(maira, position, orientat
     q = np.array([0.3, 0.5, -0.2, 1.1, 0.4, 0.7, 0.2])
     here = maira.forward(q)
     moved, turned = here.copy(), here.copy()
-    moved.translation = here.translation + [0, 0, 1e-5]
+    moved.translation = here.translation + np.array([0, 0, 1e-5])
     turned.rotation = here.rotation @ mq.pose([0, 0, 0], rpy=[0, 0, 1e-5]).rotation
     for target in (moved, turned, here):
         s = solver.solve(target, q)

@@ -319,7 +319,14 @@ class Solver:
         return settling.solve(targets, q)
 
     def step(
-        self, q: Any, target: Any = None, dt: float = math.nan, *, velocity: Any = None, deadline: float | None = None
+        self,
+        q: Any,
+        target: Any = None,
+        dt: float = math.nan,
+        *,
+        velocity: Any = None,
+        deadline: float | None = None,
+        keep_direction: bool = False,
     ) -> Step:
         """One control tick of dt [s] from q (n,) toward the target, within all limits.
 
@@ -333,6 +340,10 @@ class Solver:
             velocity: velocity (n,) of now [rad/s or m/s], that of the last tick; needed where the robot has limits on
                 the acceleration, which are kept against it.
             deadline: levels that are not solved after this time [s] are left out; None: all are solved.
+            keep_direction: where limits do not allow the motion that the tasks of the first level ask for, scale it,
+                all tasks by the same factor in [0, 1], which may be 0 at a limit of a joint; False: do what is nearest
+                to it by least squares, in whatever direction. Levels below move in the null space as ever. What a joint
+                must do to brake or to come back within limits goes before. By the general engine.
 
         Raises `PoseError`, `ConfigurationError`, `OptionError`.
         """
@@ -340,7 +351,10 @@ class Solver:
             raise OptionError(f"dt must be a positive number of seconds, got {dt!r}")
         if deadline is not None and not (isinstance(deadline, (int, float)) and deadline > 0):
             raise OptionError(f"deadline must be a positive number of seconds, got {deadline!r}")
-        step = None if deadline is not None else self._compiled_step(q, target, float(dt), velocity)
+        if not isinstance(keep_direction, (bool, np.bool_)):
+            raise OptionError(f"keep_direction must be True or False, got {keep_direction!r:.80}")
+        is_general = deadline is not None or keep_direction
+        step = None if is_general else self._compiled_step(q, target, float(dt), velocity)
         if step is not None:
             return step
         n = self.robot.n
@@ -348,11 +362,12 @@ class Solver:
             raise OptionError("limits on the acceleration need the velocity of now: step(..., velocity=last.velocity)")
         now = np.zeros(n) if velocity is None else real_array(velocity, (n,), "velocity", ConfigurationError)
         targets, q = self._priorities.targets(target), real_array(q, (n,), "q", ConfigurationError)
-        step = None if deadline is not None else self._compiled_step(q, targets, float(dt), now)
+        step = None if is_general else self._compiled_step(q, targets, float(dt), now)
         if step is not None:  # all that was amiss was the kind of the arrays
             return step
         cost, wish = self._priorities.costs(targets)
-        q_next, speed = tick(cost, wish, self.robot.at(q), self._setting, Tick(float(dt), now), deadline)
+        at, now = self.robot.at(q), Tick(float(dt), now)
+        q_next, speed = tick(cost, wish, at, self._setting, now, deadline, bool(keep_direction))
         position, orientation = residual(cost, self.robot.at(q_next))
         return Step(speed, q_next, position, orientation, self._setting.backend.name, self._setting)
 

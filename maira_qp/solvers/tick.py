@@ -10,6 +10,11 @@ Limits with rows that are broken at the beginning are undone first, by a level a
 limits comes back because its box says so. With limits on the acceleration a joint that runs at full speed passes its
 goal, however well it can brake. So the tick first looks where the levels would go if there were no time, and then goes
 that way only so fast that every joint could still stop where it ends.
+
+Where limits keep the first level from its motion it does what is nearest by least squares, which may be in another
+direction. To keep the direction instead, the first level becomes two: nothing across the motion that the tasks ask
+for, and below that as much along it as the limits allow, up to all of it: `W J dq = s W e`, s in [0, 1] as large as
+possible.
 """
 
 from __future__ import annotations
@@ -67,16 +72,22 @@ def tick(
     setting: Setting,
     now: Tick,
     deadline: float | None = None,
+    keep_direction: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Configuration (n,) after a tick and the velocity (n,) that leads to it.
 
     From inside the position limits the next configuration is inside them to the bit, and the velocity within the
     velocity limits to the bit always. A backend that fails leaves the arm where it is, as far as the limits allow; a
-    `deadline` [s] that passes leaves out the levels that are not solved by then.
+    `deadline` [s] that passes leaves out the levels that are not solved by then. `keep_direction` scales the motion of
+    the first level to what the limits allow.
     """
     end = None if deadline is None else time.monotonic() + deadline
     robot, bounds = setting.robot, setting.bounds(at, now)
-    models = [*_back_inside(at, setting, bounds), *_models(cost, redundancy, at, setting, now, bounds)]
+    models = _models(cost, redundancy, at, setting, now, bounds)
+    if keep_direction:
+        first = LevelObjective(cost, _weighted(redundancy))
+        models = [*_directed(first, at, now), *models[len(split_equalities(first)) :]]
+    models = [*_back_inside(at, setting, bounds), *models]
     levels = [model.level for model in models]
     if np.isfinite(robot.acceleration_limit).any():
         levels = _slowed(levels, at, setting, now)
@@ -125,7 +136,7 @@ def _models(
 ) -> list[_Model]:
     """The levels in falling priority."""
     objectives = redundancy.objectives if isinstance(redundancy, Strict) else ()
-    weighted = (ObjectiveTask(redundancy.objective, redundancy.weight),) if isinstance(redundancy, Weighted) else ()
+    weighted = _weighted(redundancy)
     top, *soft = split_equalities(LevelObjective(cost, weighted))
     cost, first = top.tasks, top.tasks.without_wishes()
     if weighted and not soft:
@@ -146,6 +157,35 @@ def _models(
             level = _of_tasks(level, model.pull(at), objective.tasks, at, setting, now)
         models.append(_Model(objective.cost, level))
     return models
+
+
+def _weighted(redundancy: Weighted | Strict | None) -> tuple[ObjectiveTask, ...]:
+    """The objective beside the tasks of the first level, if there is one."""
+    return (ObjectiveTask(redundancy.objective, redundancy.weight),) if isinstance(redundancy, Weighted) else ()
+
+
+def _directed(first: LevelObjective, at: Configuration, now: Tick) -> list[_Model]:
+    """The first level as two: nothing across the motion that its tasks ask for, and below that what is along it.
+
+    Their rows A (m, n) and errors r (m,), each times its gain, give the direction `u = r / |r|`: the upper level keeps
+    `(I - u u^T) A dq` at zero, the lower one brings `u^T A dq` to |r|. No motion is across none, so only what is forced
+    upon the joints (to brake, to come back within limits) can leave the direction.
+    """
+    tasks = first.tasks.without_wishes().tasks
+    rows = [(A, task.gain * r) for task in tasks for A, r in (task.rows(at),)] or [(np.empty((0, at.n)), np.empty(0))]
+    A, r = np.vstack([A for A, _ in rows]), np.concatenate([r for _, r in rows])
+    size = float(np.linalg.norm(r))
+    u = r / size if size > 0 else np.zeros_like(r)
+    along = u @ A
+    across = A - np.outer(u, along)
+    mu = LEAST_DAMPING * float(np.abs(A.T @ A).max(initial=1e-3))
+    H, c = np.outer(along, along), -size * along
+    for each in first.objectives:
+        H = H + each.weight * each.objective.hessian(at)
+        c = c + each.weight * each.objective.gradient(at)
+    upper = Level(across.T @ across, np.zeros(at.n), across).damped(mu)
+    lower = Level(H, c, along[None], wishes=first.tasks.wishes(at, now)).damped(mu)
+    return [_Model(lambda at: 0.0, upper), _Model(first.cost, lower)]
 
 
 def _newton(cost: TaskCost, at: Configuration, own: np.ndarray) -> Level:
@@ -229,12 +269,13 @@ def _brought_back(
     correction: Nocedal and Wright, section 18.3). None where it takes too long, or where they are broken while the arm
     brakes from there.
     """
+    most = np.where(allowed > 0, allowed + SAME, 0.0)
     for _ in range(CORRECTIONS + 1):
         there = at.moved(dq)
-        if (setting.violations(there) <= allowed + SAME).all():
-            return dq if (_violations_ahead(there, dq, setting, now) <= allowed + SAME).all() else None
+        if (setting.violations(there) <= most).all():
+            return dq if (_violations_ahead(there, dq, setting, now) <= most).all() else None
         G, h = setting.rows_within(there, allowed)
-        G, h = np.vstack([G, bounds.G]), np.concatenate([h, np.maximum(bounds.h - bounds.G @ dq, 0.0)])
+        G, h = np.vstack([G, bounds.G]), np.concatenate([h - SAME, np.maximum(bounds.h - bounds.G @ dq, 0.0)])
         lower, upper = np.minimum(bounds.lower - dq, 0.0), np.maximum(bounds.upper - dq, 0.0)
         back = setting.backend.solve(QP(np.eye(at.n), np.zeros(at.n), lower, upper, G, h))
         if not back.found:
