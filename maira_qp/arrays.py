@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -35,3 +38,19 @@ def real_array(
 def is_native(value: Any, shape: tuple[int, ...]) -> bool:
     """Whether compiled code can take a value as it is: a C-contiguous float64 array of that shape, finite or not."""
     return type(value) is np.ndarray and value.dtype == np.float64 and value.shape == shape and value.flags.c_contiguous
+
+
+def plain(value: Any) -> Any:
+    """The same in what JSON knows: arrays and tuples as lists, enums as their names, numbers that are not finite as
+    None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, Enum):
+        return value.name
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [plain(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

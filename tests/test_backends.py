@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+import maira_qp as mq
 from maira_qp.errors import BackendError
+from maira_qp.problem import backends
 from maira_qp.problem.backends import Backend, available
 from maira_qp.problem.qp import QP
 
@@ -130,3 +132,12 @@ def test_an_unknown_backend_is_refused_with_the_names_that_are_valid():
 def test_settings_that_a_backend_does_not_know_are_refused():
     with pytest.raises(BackendError, match="no_such_setting"):
         Backend("proxqp", {"no_such_setting": 1})
+
+
+def test_a_known_backend_that_is_not_installed_says_what_installs_it(monkeypatch, maira):
+    monkeypatch.setattr(backends, "available", lambda: ("daqp",))
+    for make in (mq.Backend, lambda name: mq.Solver(maira, backend=name)):
+        with pytest.raises(BackendError, match=r"'piqp' is not installed: pip install 'maira-qp\[qp\]'"):
+            make("piqp")
+        with pytest.raises(BackendError, match=r"no QP backend 'pikp' here; .*daqp"):
+            make("pikp")

@@ -12,9 +12,10 @@ import pytest
 
 from maira_qp.apps.benchmark import runner
 from maira_qp.apps.benchmark.methods import METHODS, NO_BACKEND
-from maira_qp.apps.benchmark.records import RowFile, jsonable, write_csv
+from maira_qp.apps.benchmark.records import RowFile, write_csv
 from maira_qp.apps.benchmark.runner import fingerprint, measure, plan, run
 from maira_qp.apps.benchmark.settings import Settings
+from maira_qp.arrays import plain
 from maira_qp.errors import BackendError, OptionError
 from maira_qp.robots.robot import Robot
 from maira_qp.solvers.options import Options
@@ -155,7 +156,7 @@ def test_json_never_holds_nan(tmp_path):
 
     for line in path.read_text().splitlines():
         json.loads(line, parse_constant=refuse)
-    assert jsonable({"n": np.int64(3), "t": np.bool_(True)}) == {"n": 3, "t": True}
+    assert plain({"n": np.int64(3), "t": np.bool_(True)}) == {"n": 3, "t": True}
 
 
 def test_csv_holds_every_row(maira, tmp_path):

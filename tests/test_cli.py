@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 import pytest
-from conftest import misuse
+from conftest import misuse, urdf_file
 from PIL import Image
 
 import maira_qp as mq
@@ -237,12 +237,57 @@ def test_a_start_outside_the_limits_is_told(run, maira):
     assert strict_json(run(*at, "--json")[1])["start_projected"] is True
 
 
-def test_pictures_are_checked_before_the_work(run, monkeypatch, tmp_path):
-    """Without Matplotlib nothing is computed for a picture that cannot be drawn: the error says what to install."""
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    for arguments in (("compare",), ("bench", "--output", tmp_path / "new")):
-        assert "maira-qp[plot]" in misuse(run(*arguments))
-    assert not (tmp_path / "new").exists()
+def test_without_matplotlib_there_are_results_and_no_picture(run, monkeypatch, tmp_path):
+    """One line says what to install; `plot`, which is nothing but a picture, is refused before the work."""
+    for name in [name for name in sys.modules if name.split(".")[0] == "matplotlib"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    for name in [name for name in sys.modules if name.startswith("maira_qp.apps.plots")]:
+        monkeypatch.delitem(sys.modules, name)
+    picture = tmp_path / "compared.png"
+    code, out, _ = run("compare", "--targets", 2, "--picture", picture)
+    assert code == 0
+    assert "solved" in out
+    assert "pip install 'maira-qp[plot]'" in out
+    assert not picture.exists()
+    few = ("--targets", 2, "--methods", "strict", "--strata", "uniform", "--backends", "compiled")
+    code, out, _ = run("bench", *few, "--output", tmp_path / "new", "--json")
+    assert code == 0
+    assert strict_json(out)["summaries"]
+    assert "pip install 'maira-qp[plot]'" in run("bench", *few, "--output", tmp_path / "new")[1]
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["rows.csv", "rows.jsonl", "summary.csv"]
+    assert "maira-qp[plot]" in misuse(run("plot", "reach", "--output", picture))
+
+
+@pytest.mark.parametrize("robot", ["maira", "panda"])
+def test_all_solutions_can_be_read_at_80_columns(run, monkeypatch, robot):
+    """No name and no number is cut, and no line is longer."""
+    monkeypatch.setenv("COLUMNS", "80")
+    where = () if robot == "maira" else ("--robot", urdf_file(robot), "--tip", "panda_hand_tcp")
+    code, out, _ = run("solve", *where, "--position", 0.4, 0.2, 0.5, "--quaternion", 0, 1, 0, 0, "--all")
+    assert code == 0
+    assert max(map(len, out.splitlines())) <= 80
+    assert "…" not in out
+    assert f"{'joint' if robot == 'maira' else 'panda_joint'}7 " in out
+
+
+def test_what_looks_like_degrees_or_millimetres_is_hinted_at(run, tmp_path):
+    at = ("solve", "--position", 0.4, 0.2, 0.9)
+    for arguments, words in (
+        ((*at, "--rpy", 0, 90, 0), "--rpy holds 90 rad"),
+        ((*at, "--q0", 0, 90, 0, 20, 0, 30, 0), "joint2 at 90 rad"),
+        (("solve", "--position", 400, 200, 900), "is it in millimetres?"),
+        (("fk", 0, 45, 0, 90, 0, 30, 0), "joint4 at 90 rad"),
+    ):
+        assert words in " ".join(run(*arguments)[1].split("hint: ")[1].split())
+        assert words in strict_json(run(*arguments, "--json")[1])["hints"][0]
+    for arguments in ((*at, "--rpy", 0, 90, 0, "--deg"), at, ("fk", 0, 1, 0, 1, 0, 1, 0)):
+        assert "hint" not in run(*arguments)[1]
+    file = tmp_path / "poses.csv"
+    file.write_text("x,y,z,roll,pitch,yaw\n400,200,900,0,90,0\n0.4,0.2,0.9,0,0,0\n")
+    hints = " ".join(strict_json(run("solve", "--batch", file, "--json")[1])["hints"])
+    assert "millimetres" in hints
+    assert "roll, pitch, yaw holds 90 rad" in hints
 
 
 POSE = ("--position", 0.5, 0.2, 0.6, "--rpy", 10, 140, 20, "--deg")

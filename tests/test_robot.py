@@ -425,7 +425,7 @@ def test_the_normalised_urdf_is_the_same_robot(maira, pr2_arm, gripper):
 
 
 def test_repr_is_short(maira):
-    assert repr(maira) == "Robot('maira', n=7, base='base_link', tip='tool0')"
+    assert maira.title == "Robot('maira', n=7, base='base_link', tip='tool0')"
 
 
 def test_from_dh_takes_a_table_links_or_mappings(maira):

@@ -230,7 +230,7 @@ def test_trees_compare_by_their_tips_too():
     swapped = mq.Robot.from_urdf(urdf_file("g1_arms"), tip=arms.tips[::-1], base="pelvis")
     assert arms != swapped
     assert arms != mq.Robot.from_urdf(urdf_file("g1_arms"), tip=arms.tip, base="pelvis")
-    assert repr(arms) == f"Robot('{arms.name}', n=17, base='pelvis', tips=('left_rubber_hand', 'right_rubber_hand'))"
+    assert arms.title == f"Robot('{arms.name}', n=17, base='pelvis', tips=('left_rubber_hand', 'right_rubber_hand'))"
 
 
 @pytest.mark.parametrize("name", TREES)

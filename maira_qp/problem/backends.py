@@ -41,6 +41,20 @@ INFINITE = 1e20
 """A row's bound beyond this, on a QP of size 1, is none."""
 
 
+INSTALLED_BY: Mapping[str, str] = MappingProxyType(
+    {
+        **dict.fromkeys(("piqp", "clarabel"), "pip install 'maira-qp[qp]'"),
+        **{name: f"pip install {name}" for name in ("daqp", "osqp")},
+        "proxqp": "pip install proxsuite",
+        **{
+            name: f"pip install 'qpsolvers[{name}]'"
+            for name in ("cvxopt", "ecos", "gurobi", "highs", "mosek", "qpax", "quadprog", "scs", "sip")
+        },
+    }
+)
+"""What installs a backend that qpsolvers knows."""
+
+
 def available() -> tuple[str, ...]:
     """Names of the backends installed here."""
     import qpsolvers  # heavy, here and below: it loads every backend that is installed
@@ -61,6 +75,9 @@ class Backend:
 
     def __post_init__(self) -> None:
         if self.name not in available():
+            command = INSTALLED_BY.get(self.name) if isinstance(self.name, str) else None
+            if command is not None:
+                raise BackendError(f"the QP backend {self.name!r} is not installed: {command}; {listed(available())}")
             raise BackendError(f"no QP backend {self.name!r} here; {listed(available(), str(self.name))}")
         object.__setattr__(self, "settings", dict(self.settings or ACCURATE.get(self.name, {})))
         trial = self.solve(QP(np.eye(2), np.ones(2), -np.ones(2), np.ones(2), np.empty((0, 2)), np.empty(0)))

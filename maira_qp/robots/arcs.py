@@ -36,6 +36,7 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 
+from maira_qp.display import Card, Shown, joint_entries
 from maira_qp.orientation import pose_error
 from maira_qp.robots.robot import Robot
 from maira_qp.robots.srs import (
@@ -59,8 +60,8 @@ _NARROW, _ROUNDING = 1e-3, 1e-14
 """A joint that stays on its seam over a wider cell [rad] is there everywhere; closer cuts [rad] are the same."""
 
 
-@dataclass(frozen=True, eq=False)
-class Arc:
+@dataclass(frozen=True, eq=False, repr=False)
+class Arc(Shown):
     """Configurations that reach one pose, a closed interval of psi on one branch; all within the limits."""
 
     branch: Branch
@@ -81,6 +82,18 @@ class Arc:
     def robot(self) -> Robot:
         """Whose configurations these are."""
         return self._srs.robot
+
+    def _card(self) -> Card:
+        names, ends = self.robot.joint_names, self.at(np.array([self.lower, self.upper]))
+        ranges = [f"{begin:.4f} .. {end:.4f}" for begin, end in ends.T]
+        branch = ", ".join(f"{part} {sign:+d}" for part, sign in self.branch._asdict().items())
+        return Card(
+            title=f"Arc: psi {self.lower:.4f} .. {self.upper:.4f} rad; {branch}",
+            facts=(("joints from its lower to its upper end", "[rad]"),),
+            entries=joint_entries(names, ranges),
+            headings=("joint", "from .. to [rad]", "whole turns"),
+            rows=[(*each, str(turns)) for *each, turns in zip(names, ranges, self.turns, strict=True)],
+        )
 
     @property
     def length(self) -> float:

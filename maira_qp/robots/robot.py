@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.arrays import real_array
+from maira_qp.display import Card, Shown, joint_entries
 from maira_qp.errors import ConfigurationError, OptionError, RobotError
 from maira_qp.robots import catalog
 from maira_qp.robots.configuration import Configuration
@@ -23,7 +24,7 @@ from maira_qp.robots.urdf_reader import Chain, read_urdf
 from maira_qp.robots.urdf_writer import urdf_text
 
 
-class Robot:
+class Robot(Shown):
     """An arm from `base` to `tip`, or a tree to several tips, with n independent joints.
 
     It does not change, and threads may share it.
@@ -253,9 +254,29 @@ class Robot:
     def _checked(self, q: Any) -> np.ndarray:
         return real_array(q, (self.n,), "q", ConfigurationError)
 
-    def __repr__(self) -> str:
+    @property
+    def title(self) -> str:
+        """One line of what it is, such as "Robot('maira', n=7, base='base_link', tip='tool0')"."""
         ends = f"tip={self.tip!r}" if len(self.tips) == 1 else f"tips={self.tips!r}"
         return f"Robot({self.name!r}, n={self.n}, base={self.base!r}, {ends})"
+
+    def _card(self) -> Card:
+        units = ["m" if slides else "rad" for slides in self.slides]
+        ranges = [
+            f"{low:.3f} .. {high:.3f} {unit}" if np.isfinite(high - low) else "continuous"
+            for low, high, unit in zip(self.lower, self.upper, units, strict=True)
+        ]
+        speeds = [
+            f"{speed:.3g} {unit}/s" if np.isfinite(speed) else ""
+            for speed, unit in zip(self.velocity_limit, units, strict=True)
+        ]
+        return Card(
+            title=self.title,
+            facts=(("length", f"{self.length:.3g} m"),),
+            entries=joint_entries(self.joint_names, ranges),
+            headings=("joint", "range", "speed limit"),
+            rows=list(zip(self.joint_names, ranges, speeds, strict=True)),
+        )
 
     def __eq__(self, other: object) -> bool:
         return self._chain == other._chain if isinstance(other, Robot) else NotImplemented

@@ -28,7 +28,7 @@ from maira_qp.problem.tasks.frame import PoseTask
 from maira_qp.robots.arcs import Arc
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.decomposition import Decomposition
-from maira_qp.robots.robot import drawn
+from maira_qp.robots.robot import Robot, drawn
 from maira_qp.robots.srs import SRS
 from maira_qp.robots.whole_turns import WholeTurns
 from maira_qp.solvers.compiled import Compiled
@@ -73,7 +73,7 @@ def all_solutions(
     srs = SRS.of(robot)
     if srs is not None:
         ranked = best_of_each_arc(srs, task.target, objective)
-        items = tuple(_listed(task, objective, robot.at(one.q), one.arc, one.psi) for one in ranked)
+        items = tuple(_listed(task, objective, robot, one.q, one.arc, one.psi) for one in ranked)
         return Solutions(items, "closed form (S-R-S)", not srs.is_singular(task.target.homogeneous))
     engine = engine or Compiled.of(priorities, setting.options)  # type: ignore[assignment]
     if not isinstance(engine, Compiled):
@@ -112,10 +112,11 @@ def _listable(priorities: Priorities, setting: Setting, targets: Targets) -> Pos
 
 
 def _listed(
-    task: PoseTask, objective: Objective, at: Configuration, arc: Arc | None = None, psi: float | None = None
+    task: PoseTask, objective: Objective, robot: Robot, q: np.ndarray, arc: Arc | None = None, psi: float | None = None
 ) -> ListedSolution:
+    at = robot.at(q)
     position, orientation = task.residual(at)
-    return ListedSolution(at.q.copy(), objective.cost(at), position, orientation, arc, psi)
+    return ListedSolution(at.q.copy(), objective.cost(at), position, orientation, arc, psi, robot.joint_names)
 
 
 @dataclass(frozen=True)
@@ -218,6 +219,6 @@ class Enumeration:
         if self.is_isolated:
             q, all_of_them = self.turns.all_within(q, MOST)
             is_complete = is_complete and all_of_them
-        listed = [_listed(self.task, self.objective, robot.at(each)) for each in q]
+        listed = [_listed(self.task, self.objective, robot, each) for each in q]
         ranked = tuple(sorted(listed, key=lambda one: one.cost))
         return Solutions(ranked, method, is_complete, starts, starts_without_new)

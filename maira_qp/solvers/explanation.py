@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import nnls
 
+from maira_qp.arrays import plain
+from maira_qp.display import Card, Shown
 from maira_qp.problem.collision import CollisionLimit
 from maira_qp.problem.costs import multipliers
 from maira_qp.problem.objectives import Posture
@@ -70,8 +72,8 @@ class ActivePair:
     """What the minimised cost would fall by [per m] if they could be nearer; 0 where they are in nobody's way"""
 
 
-@dataclass(frozen=True, eq=False)
-class Explanation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Explanation(Shown):
     """Why a solve ended as it did; `str()` says it in words."""
 
     status: Status
@@ -92,18 +94,25 @@ class Explanation:
     """What proves `UNREACHABLE`"""
     is_compromise: bool
     """`Weighted` holds the tool off a pose that can be reached"""
+    hints: tuple[str, ...] = ()
+    """What looks like another unit than metres and radians, a sentence each"""
 
     def as_dict(self) -> dict[str, Any]:
-        """As plain values, the words with them."""
-        return {
+        """As plain values that `json.dumps` takes, the words with them; None for numbers that are not known."""
+        values = {
             "text": str(self),
+            "status": self.status,
+            "position_error": self.position_error,
+            "orientation_error": self.orientation_error,
             "limits": [asdict(limit) for limit in self.limits],
             "pairs": [asdict(pair) for pair in self.pairs],
             "blocked": self.blocked,
             "is_reached_without": self.is_reached_without,
             "is_compromise": self.is_compromise,
+            "hints": self.hints,
             "proof": None if self.proof is None else self.proof.words,
         }
+        return plain(values)
 
     @property
     def blocking(self) -> tuple[str, ...]:
@@ -112,6 +121,24 @@ class Explanation:
 
     def __str__(self) -> str:
         return " ".join(_sentences(self))
+
+    def _card(self) -> Card:
+        return Card(
+            title=f"Explanation: {self.status.name}",
+            words=str(self),
+            headings=("limit", "multiplier", "its release gains [m]", "[rad]", "reached with it so much further"),
+            rows=[
+                (
+                    limit.name,
+                    f"{limit.multiplier:.3g}",
+                    f"{limit.position:.3g}",
+                    f"{limit.orientation:.3g}",
+                    "" if limit.further is None else f"{limit.further:.3g} {limit.unit}",
+                )
+                for limit in self.limits
+            ]
+            + [(pair.name, f"{pair.multiplier:.3g}", "", "", "") for pair in self.pairs],
+        )
 
 
 def explain(priorities: Priorities, targets: Targets, solution: Solution, setting: Setting) -> Explanation:
@@ -154,6 +181,7 @@ def explain(priorities: Priorities, targets: Targets, solution: Solution, settin
         is_reached_without=without,
         proof=solution.proof,
         is_compromise=weighs and question.solved_without([]).success,
+        hints=solution.hints,
     )
 
 
@@ -241,7 +269,12 @@ class _Question:
 
 
 def _sentences(why: Explanation) -> Iterator[str]:
-    """The explanation in words."""
+    """The explanation in words, and what may be behind it."""
+    yield from _reasons(why)
+    yield from why.hints
+
+
+def _reasons(why: Explanation) -> Iterator[str]:
     if why.status is Status.CONVERGED:
         yield "The target is reached."
     elif why.is_compromise:
@@ -320,4 +353,4 @@ def _amount(value: float, unit: str) -> str:
     """A length or an angle in the unit that people use."""
     if unit == "rad":
         return f"{math.degrees(value):.3g} degrees"
-    return f"{value:.3g} m" if value >= 1 else f"{1e3 * value:.3g} mm"
+    return f"{value:,.0f} m" if value >= 1000 else f"{value:.3g} m" if value >= 1 else f"{1e3 * value:.3g} mm"

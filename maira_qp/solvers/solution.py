@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
@@ -10,8 +11,11 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from maira_qp.errors import OptionError, SensitivityError
+from maira_qp.arrays import plain
+from maira_qp.display import Card, Shown, joint_entries
+from maira_qp.errors import MairaError, OptionError, SensitivityError
 from maira_qp.robots.robot import Robot, condition_numbers
+from maira_qp.robots.unit_hints import degrees_hint, millimetres_hint, millimetres_hint_of_many
 from maira_qp.solvers.priorities import Priorities
 from maira_qp.solvers.sensitivity import dq_dtarget
 from maira_qp.solvers.setting import Setting
@@ -23,8 +27,21 @@ if TYPE_CHECKING:
 ACTIVE_WITHIN = 1e-9
 """A limit nearer than this [rad or m] counts as active."""
 
+SHOWN = 10
+"""Answers of a batch that a notebook shows."""
 
-class Status(IntEnum):
+
+class NamedEnum(IntEnum):
+    """Integers, for arrays, that print as their names; `f"{status:d}"` is the number."""
+
+    def __str__(self) -> str:
+        return self.name
+
+    def __format__(self, spec: str) -> str:
+        return format(int(self) if spec.endswith("d") else self.name, spec)
+
+
+class Status(NamedEnum):
     """How a solve ended."""
 
     CONVERGED = 0
@@ -50,20 +67,47 @@ _MEANINGS = {
 }
 
 
-class _OfRobot:
-    """Values that are computed when they are first asked for. A pickle holds them in place of the robot."""
+class _OfSetting(Shown):
+    """What is known of the joints. A pickle holds it in place of the robot."""
 
-    def __getstate__(self) -> dict[str, Any]:
-        own = {"condition_number": self.condition_number, "active_limits": self.active_limits}
-        return {**self.__dict__, **own, "_setting": None, "_asked": None}
+    _setting: Setting | None
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the n joints, in the order of `q`"""
+        return self._setting.robot.joint_names  # type: ignore[union-attr]
+
+    @cached_property
+    def q_units(self) -> tuple[str, ...]:
+        """Units of the n joints: "rad", or "m" where one slides"""
+        return tuple("m" if slides else "rad" for slides in self._setting.robot.slides)  # type: ignore[union-attr]
+
+
+class _OfRobot(_OfSetting):
+    """Values that are computed when they are first asked for. A pickle holds them in place of the robot."""
 
     condition_number: Any
     active_limits: Any
 
+    def __getstate__(self) -> dict[str, Any]:
+        own = {name: getattr(self, name) for name in _OF_ROBOT}
+        return {**self.__dict__, **own, "_setting": None, "_asked": None}
 
-@dataclass(frozen=True, eq=False)
+    def as_dict(self) -> dict[str, Any]:
+        """All values by their names, as `json.dumps` takes them: lists in place of arrays, the name of a status, and
+        None for a number that is not finite, such as the cost without redundancy."""
+        return {name: plain(getattr(self, name)) for name in (*_VALUES, *_OF_ROBOT)}
+
+
+_OF_ROBOT = ("joint_names", "q_units", "condition_number", "active_limits")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Solution(_OfRobot):
-    """The answer to one target. `q` is finite and inside the limits to the bit, whatever the status."""
+    """The answer to one target. `q` is finite and inside the limits to the bit, whatever the status.
+
+    `bool(solution)` is `solution.success`.
+    """
 
     q: np.ndarray
     """Configuration (n,) [rad or m]"""
@@ -93,6 +137,31 @@ class Solution(_OfRobot):
     _setting: Setting | None = field(repr=False)
     _asked: tuple[Priorities, Any] | None = field(repr=False)
     """The tasks and what they were called with"""
+    _q0: np.ndarray | None = None
+    """The start (n,) that was moved, if it was"""
+
+    def __bool__(self) -> bool:
+        return self.success
+
+    def _card(self) -> Card:
+        numbers = [f"{value:.4f} {unit}" for value, unit in zip(self.q, self.q_units, strict=True)]
+        return Card(
+            title=f"Solution: {self.status.name}, {self.status.meaning}",
+            facts=(
+                ("error", f"{self.position_error:.3g} m, {self.orientation_error:.3g} rad"),
+                ("effort", f"{self.iterations} iterations, {self.restarts} restarts, {self.backend}"),
+                ("condition number", f"{self.condition_number:.4g}"),
+                ("cost", f"{self.cost:.6g}{'' if self.optimal else ', not optimal'}" if np.isfinite(self.cost) else ""),
+                ("active limits", ", ".join(self.active_limits)),
+                ("hint", " ".join(self.hints)),
+            ),
+            entries=joint_entries(self.joint_names, numbers),
+            headings=("joint", "q", "limit"),
+            rows=[
+                (name, number, ", ".join(_ends_of(name, self.active_limits)))
+                for name, number in zip(self.joint_names, numbers, strict=True)
+            ],
+        )
 
     @cached_property
     def condition_number(self) -> float:
@@ -114,6 +183,18 @@ class Solution(_OfRobot):
         priorities, target = self._asked
         proofs = Proofs.of(priorities, self._setting.options)  # type: ignore[union-attr]
         return None if proofs is None else proofs.proof(priorities.targets(target))
+
+    @property
+    def hints(self) -> tuple[str, ...]:
+        """What looks like millimetres or degrees where metres and radians are asked for, a sentence each. Nothing was
+        converted. A pickle has lost them."""
+        if self._asked is None or self._setting is None:
+            return ()
+        (priorities, asked), robot = self._asked, self._setting.robot
+        targets = {} if self.success else priorities.targets(asked)
+        far = [millimetres_hint(target.translation, robot) for target in targets.values()]
+        start = "" if self._q0 is None else degrees_hint(self._q0, robot, "the start")
+        return tuple(hint for hint in (*dict.fromkeys(far), start) if hint)
 
     def explain(self) -> Explanation:
         """Why the solve ended as it did: what is left, which limits of the joints stand in the way, what each costs.
@@ -147,11 +228,6 @@ class Solution(_OfRobot):
         at = self._setting.robot.at(self.q)
         return dq_dtarget(priorities, priorities.targets(target), at, self._setting, self.success)
 
-    def as_dict(self) -> dict[str, Any]:
-        """All values by their names."""
-        own = {name: getattr(self, name) for name in _VALUES}
-        return {**own, "condition_number": self.condition_number, "active_limits": self.active_limits}
-
 
 _VALUES = (
     "q",
@@ -176,11 +252,12 @@ def solution_of(**values: Any) -> Solution:
     return solution
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class BatchSolution(_OfRobot):
     """The answers to N targets: the fields of `Solution` with a leading axis N.
 
-    `batch[i]` is a `Solution`, `batch[i:j]` a shorter batch.
+    `batch[i]` is a `Solution`; `batch[i:j]`, `batch[[i, j]]` and `batch[mask]`, such as `batch[~batch.success]`, are
+    shorter batches. As of an array, there is no truth of a batch: `batch.success.all()`, `batch.success.any()`.
     """
 
     q: np.ndarray
@@ -281,20 +358,52 @@ class BatchSolution(_OfRobot):
     def __len__(self) -> int:
         return len(self.q)
 
-    @overload
-    def __getitem__(self, i: int) -> Solution: ...
+    def __bool__(self) -> bool:
+        raise MairaError(
+            f"a batch of {len(self)} answers is neither true nor false: "
+            "batch.success.all() or batch.success.any(); len(batch) is how many there are"
+        )
+
+    def _card(self) -> Card:
+        counts = Counter(Status(value).name for value in self.status.tolist())
+        reach = [f"{100 * self.success.mean():.4g} % of the targets are reached"] if len(self) else []
+        return Card(
+            title=f"BatchSolution: {', '.join([f'{len(self)} targets', *reach])}",
+            facts=(
+                ("status", ", ".join(f"{count} {name}" for name, count in counts.most_common())),
+                ("position error [m]", _spread(self.position_error)),
+                ("orientation error [rad]", _spread(self.orientation_error)),
+                ("iterations", _spread(self.iterations)),
+                ("solved by", self.backend),
+                ("joints", ", ".join(self.joint_names)),
+                ("hint", self._hint),
+            ),
+            headings=("", "status", "position error [m]", "orientation error [rad]", *self.joint_names),
+            rows=[(str(i), *_row(one)) for i, one in enumerate(self[:SHOWN])],
+        )
+
+    @property
+    def _hint(self) -> str:
+        """Whether a target that is not reached looks like millimetres."""
+        if self._asked is None or self._setting is None or self.success.all():
+            return ""
+        p = self._asked[1][~self.success, :, 9:].reshape(-1, 3)
+        return millimetres_hint_of_many(p, self._setting.robot)
 
     @overload
-    def __getitem__(self, i: slice) -> BatchSolution: ...
+    def __getitem__(self, i: int | np.integer) -> Solution: ...
 
-    def __getitem__(self, i: int | slice) -> Solution | BatchSolution:
-        """The i-th answer, or some of them (copies)."""
-        if isinstance(i, slice):
+    @overload
+    def __getitem__(self, i: slice | Sequence[int] | np.ndarray) -> BatchSolution: ...
+
+    def __getitem__(self, i: int | np.integer | slice | Sequence[int] | np.ndarray) -> Solution | BatchSolution:
+        """The i-th answer, or some of them (copies): by a slice, numbers, or a mask (N,). Raises `IndexError`."""
+        if not isinstance(i, slice):
+            i = _checked_index(i, len(self))
+        if not isinstance(i, int):
             arrays = {name: getattr(self, name)[i].copy() for name in _VALUES if name != "backend"}
             asked = None if self._asked is None else (self._asked[0], self._asked[1][i])
             return BatchSolution(**arrays, backend=self.backend, _setting=self._setting, _asked=asked)
-        if not -len(self) <= i < len(self):
-            raise IndexError(f"target {i} of a batch of {len(self)}")
         values = {name: getattr(self, name)[i] for name in _VALUES if name not in ("q", "status", "backend")}
         return Solution(
             q=self.q[i].copy(),
@@ -309,8 +418,8 @@ class BatchSolution(_OfRobot):
         return (self[i] for i in range(len(self)))
 
 
-@dataclass(frozen=True, eq=False)
-class Step:
+@dataclass(frozen=True, eq=False, repr=False)
+class Step(_OfSetting):
     """One control tick."""
 
     velocity: np.ndarray
@@ -331,7 +440,61 @@ class Step:
         return active_limits(self._setting, self.q)  # type: ignore[arg-type]
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "active_limits": self.active_limits, "_setting": None}
+        own = {"joint_names": self.joint_names, "q_units": self.q_units, "active_limits": self.active_limits}
+        return {**self.__dict__, **own, "_setting": None}
+
+    def _card(self) -> Card:
+        units = self.q_units
+        numbers = [f"{value:.4f} {unit}" for value, unit in zip(self.q, units, strict=True)]
+        speeds = [f"{value:+.4f} {unit}/s" for value, unit in zip(self.velocity, units, strict=True)]
+        both = [f"{number} {speed}" for number, speed in zip(numbers, speeds, strict=True)]
+        return Card(
+            title=f"Step: {self.position_error:.3g} m and {self.orientation_error:.3g} rad off, by {self.backend}",
+            facts=(("active limits", ", ".join(self.active_limits)),),
+            entries=joint_entries(self.joint_names, both),
+            headings=("joint", "q", "velocity", "limit"),
+            rows=[
+                (name, number, speed, ", ".join(_ends_of(name, self.active_limits)))
+                for name, number, speed in zip(self.joint_names, numbers, speeds, strict=True)
+            ],
+        )
+
+
+def _checked_index(i: Any, count: int) -> int | np.ndarray:
+    """A number, or numbers (k,), of a batch of so many. Raises `IndexError`."""
+    try:
+        index = np.asarray(None if isinstance(i, tuple) else i)
+    except ValueError:  # lists of different lengths
+        index = np.asarray(None)
+    if index.ndim == 1 and not len(index):
+        return np.empty(0, dtype=np.int64)
+    if index.dtype == bool and index.ndim == 1:
+        if len(index) != count:
+            raise IndexError(f"a mask of a batch of {count} has {count} entries, not {len(index)}")
+        return np.flatnonzero(index)
+    if index.dtype.kind not in "iu" or index.ndim > 1:
+        raise IndexError(f"a batch is indexed by a number, a slice, a list of numbers or a mask, not by {i!r:.80}")
+    outside = np.atleast_1d(index)[np.atleast_1d((index < -count) | (index >= count))]
+    if len(outside):
+        raise IndexError(f"there is no target {outside[0]} in a batch of {count}")
+    return index if index.ndim else int(index)
+
+
+def _ends_of(joint: str, limits: list[str]) -> list[str]:
+    """Which ends of its range a joint stands at: "lower", "upper"."""
+    return [name.rsplit(" ", 1)[1] for name in limits if name.rsplit(" ", 1)[0] == joint]
+
+
+def _row(one: Solution) -> tuple[str, ...]:
+    """An answer in a table of a batch."""
+    errors = f"{one.position_error:.3g}", f"{one.orientation_error:.3g}"
+    return one.status.name, *errors, *(f"{value:.4f}" for value in one.q)
+
+
+def _spread(values: np.ndarray) -> str:
+    """The median and the largest of numbers (N,), those aside that are not known."""
+    known = values[np.isfinite(values)]
+    return f"median {np.median(known):.3g}, largest {known.max():.3g}" if len(known) else ""
 
 
 def active_limits(setting: Setting, q: np.ndarray) -> list[str]:

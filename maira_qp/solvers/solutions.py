@@ -8,15 +8,16 @@ from typing import overload
 
 import numpy as np
 
+from maira_qp.display import Card, Shown, joint_entries
 from maira_qp.robots.arcs import Arc
 from maira_qp.robots.srs import Branch
 
-SHOWN = 20
-"""Solutions that a printed list shows."""
+SHOWN, SHOWN_JOINTS = 12, 7
+"""Solutions that a printed list shows, and joints of each."""
 
 
-@dataclass(frozen=True, eq=False)
-class ListedSolution:
+@dataclass(frozen=True, eq=False, repr=False)
+class ListedSolution(Shown):
     """One of all solutions for a pose."""
 
     q: np.ndarray
@@ -31,6 +32,19 @@ class ListedSolution:
     """The arc of the swivel angle of which this is the best; None: no S-R-S arm"""
     psi: float | None = None
     """The swivel angle [rad]; None: no S-R-S arm"""
+    joint_names: tuple[str, ...] = ()
+    """Names of the n joints, in the order of `q`"""
+
+    def _card(self) -> Card:
+        numbers = [f"{value:.4f}" for value in self.q]
+        arc = "" if self.arc is None else f"psi {self.arc.lower:.4f} .. {self.arc.upper:.4f} rad, here {self.psi:.4f}"
+        return Card(
+            title=f"ListedSolution: cost {self.cost:.6g}",
+            facts=(("error", f"{self.position_error:.3g} m, {self.orientation_error:.3g} rad"), ("arc", arc)),
+            entries=joint_entries(self.joint_names, numbers),
+            headings=("joint", "q"),
+            rows=list(zip(self.joint_names, numbers, strict=True)),
+        )
 
     @property
     def branch(self) -> Branch | None:
@@ -39,7 +53,7 @@ class ListedSolution:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Solutions(Sequence[ListedSolution]):
+class Solutions(Shown, Sequence[ListedSolution]):
     """All solutions for a pose that are known, the best first. What they are depends on the arm, see `method`."""
 
     items: tuple[ListedSolution, ...]
@@ -68,11 +82,30 @@ class Solutions(Sequence[ListedSolution]):
     def __iter__(self) -> Iterator[ListedSolution]:
         return iter(self.items)
 
-    def __repr__(self) -> str:
+    def _card(self) -> Card:
         told = f", {self.starts} starts, {self.starts_without_new} since the last new one" if self.starts else ""
         complete = "complete" if self.is_complete else "not proved complete"
-        lines = [f"Solutions({len(self)}, {self.method}, {complete}{told})"]
-        for i, one in enumerate(self.items[:SHOWN]):
-            arc = "" if one.arc is None else f"  psi {one.arc.lower:6.3f} to {one.arc.upper:6.3f}"
-            lines.append(f"{i:4d}  cost {one.cost:10.4g}  q " + " ".join(f"{x:7.3f}" for x in one.q) + arc)
-        return "\n".join([*lines, *(["  ..."] if len(self) > SHOWN else [])])
+        names = self.items[0].joint_names if self.items else ()
+        more = len(self) - SHOWN
+        arcs = bool(self.items) and self.items[0].arc is not None
+        return Card(
+            title=f"Solutions({len(self)}, {self.method}, {complete}{told})",
+            facts=(("joints", ", ".join(names)),),
+            lines=[*map(_line, range(SHOWN), self.items), *([f"  ... and {more} more"] if more > 0 else [])],
+            headings=("", "cost", *names, *(["psi"] if arcs else [])),
+            rows=[
+                (
+                    str(i),
+                    f"{one.cost:.5g}",
+                    *(f"{x:.4f}" for x in one.q),
+                    *([f"{one.arc.lower:.3f} .. {one.arc.upper:.3f}"] if one.arc is not None else []),
+                )
+                for i, one in enumerate(self)
+            ],
+        )
+
+
+def _line(i: int, one: ListedSolution) -> str:
+    """The i-th of a list, for a terminal."""
+    joints = "".join(f"{x:8.3f}" for x in one.q[:SHOWN_JOINTS])
+    return f"{i:5d}  cost {one.cost:<9.4g}{joints}{' ...' if len(one.q) > SHOWN_JOINTS else ''}"

@@ -16,11 +16,13 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.arrays import is_native, real_array
+from maira_qp.display import Card, Shown
 from maira_qp.errors import BackendError, ConfigurationError, OptionError, listed
 from maira_qp.problem.backends import Backend, available
 from maira_qp.problem.limits import Limit, Tick
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.tasks.frame import TargetTask
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.robot import Robot
@@ -41,7 +43,7 @@ if TYPE_CHECKING:
 Rng = np.random.Generator | int | None
 
 
-class Solver:
+class Solver(Shown):
     """Constrained inverse kinematics of one robot. Immutable, so it can be shared between threads, and pickled."""
 
     def __init__(
@@ -134,8 +136,21 @@ class Solver:
         """Who solves the QPs: "compiled", or the backend's name."""
         return self._setting.backend.name if self._compiled is None else "compiled"
 
-    def __repr__(self) -> str:
-        return f"Solver({self.robot!r}, redundancy={self.redundancy!r}, backend={self.backend!r})"
+    def _card(self) -> Card:
+        wish, further = self.redundancy, self._setting.further
+        names = [type(objective).__name__ for objective in wish.objectives] if wish is not None else []
+        weight = f", weight={wish.weight:g}" if isinstance(wish, Weighted) else ""
+        tasks = [f"{task.priority}: {type(task).__name__}{_frame_of(task)}" for task in self._priorities.all_tasks]
+        return Card(
+            title=f"Solver of {self.robot.title}",
+            facts=(
+                ("tasks by priority", ", ".join(tasks)),
+                ("redundancy", "none" if wish is None else f"{type(wish).__name__}({', '.join(names)}{weight})"),
+                ("limits beside those of the joints", ", ".join(type(limit).__name__ for limit in further)),
+                ("backend", self.backend),
+                ("joints", ", ".join(self.robot.joint_names)),
+            ),
+        )
 
     def solve(
         self,
@@ -170,7 +185,8 @@ class Solver:
         if prefer is not None or metric is not None:
             check_preference(prefer, q0, self.redundancy, observe)
             return self._closest(self._priorities.targets(target), posture_at(q0, metric, self.robot), seed)
-        return self._answer(target, q0, seed, observe)
+        solution = self._answer(target, q0, seed, observe)
+        return replace(solution, _q0=self._start(q0)) if solution.start_projected else solution
 
     def _answer(
         self, target: Any, q0: Any, seed: np.ndarray, observe: Callable[[np.ndarray], object] | None = None
@@ -390,6 +406,10 @@ class Solver:
             return T
         (pose,) = self._priorities.targets(target).values()
         return np.ascontiguousarray(pose.homogeneous)
+
+
+def _frame_of(task: Task) -> str:
+    return f"({task.frame})" if isinstance(task, TargetTask) else ""
 
 
 def _check_type(value: Any, types: Any, name: str, example: str) -> None:

@@ -11,7 +11,6 @@ import fcntl
 import io
 import json
 import logging
-import math
 import os
 import time
 from collections.abc import Iterable, Mapping
@@ -20,6 +19,7 @@ from types import TracebackType
 from typing import Any
 
 from maira_qp.apps.whole_files import replace_text
+from maira_qp.arrays import plain
 from maira_qp.errors import OptionError
 
 BATCH_SECONDS = 1.0
@@ -42,7 +42,7 @@ class RowFile:
         self._file = open(self.path, "a+b")  # noqa: SIM115 - closed by close()
         try:
             self._lock()
-            self.rows = self._take_up(jsonable(settings))
+            self.rows = self._take_up(plain(settings))
         except BaseException:
             self._file.close()
             raise
@@ -50,7 +50,7 @@ class RowFile:
 
     def append(self, row: Mapping[str, Any]) -> None:
         """Adds a row. What is not finite is written as null."""
-        self.rows.append(jsonable(row))
+        self.rows.append(plain(row))
         self._write(self.rows[-1])
         if time.monotonic() - self._synced > BATCH_SECONDS:
             self._sync()
@@ -114,19 +114,6 @@ class RowFile:
         self._file.flush()
         os.fsync(self._file.fileno())
         self._synced = time.monotonic()
-
-
-def jsonable(value: Any) -> Any:
-    """The same in what JSON knows: arrays and tuples as lists, numbers that are not finite as None."""
-    if isinstance(value, Mapping):
-        return {str(key): jsonable(entry) for key, entry in value.items()}
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, (list, tuple)):
-        return [jsonable(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def write_csv(path: str | Path, rows: Iterable[Mapping[str, Any]]) -> None:

@@ -10,9 +10,9 @@ from typing import Any
 
 from rich.table import Table
 
-from maira_qp.apps.benchmark.records import jsonable
 from maira_qp.apps.benchmark.settings import Settings
 from maira_qp.apps.benchmark.statistics import Summary
+from maira_qp.arrays import plain
 from maira_qp.solvers.options import Options
 
 OUT_OF_REACH, NO_BACKEND = "out-of-reach", "-"
@@ -141,4 +141,4 @@ def flat(summary: Summary) -> dict[str, Any]:
             row |= {f"{key}_{part}": entry for part, entry in zip(parts[key], value, strict=True)}
         else:
             row[key] = value
-    return jsonable(row)
+    return plain(row)

@@ -15,6 +15,8 @@ from maira_qp.apps.commands.output import Angles, console, print_json, progress_
 from maira_qp.apps.pose_files.answers import check_output, columns, left_out, write_answers
 from maira_qp.apps.pose_files.poses import Poses, blocks, read_poses
 from maira_qp.errors import OptionError, PoseError
+from maira_qp.robots.robot import Robot
+from maira_qp.robots.unit_hints import degrees_hint, degrees_hint_of_angles, millimetres_hint_of_many
 from maira_qp.solvers.solution import BatchSolution, Status
 from maira_qp.solvers.solver import FARTHEST, Solver
 
@@ -64,7 +66,8 @@ class Batch:
         seconds = time.monotonic() - begin
         answers["q"] = angles.write(answers["q"])
         write_answers(output, poses.table, answers, joints)
-        summary = _summary(solver, poses, answers, seconds) | {"output": str(output)}
+        hints = _hints(solver.robot, poses, answers["success"], self.q0)
+        summary = _summary(solver, poses, answers, seconds, hints) | {"output": str(output)}
         print_json(summary) if json else _show(summary)
         for name in left_out(output, poses.table):
             console(stderr=True).print(f"left out of {output}: {name!r}, which has no entry for each pose")
@@ -88,7 +91,9 @@ def _with_place(message: str, poses: Poses, begin: int) -> str:
     return re.sub(r"target (\d+)", lambda match: f"pose of {poses.table.where(begin + int(match[1]))}", message)
 
 
-def _summary(solver: Solver, poses: Poses, answers: dict[str, np.ndarray], seconds: float) -> dict[str, Any]:
+def _summary(
+    solver: Solver, poses: Poses, answers: dict[str, np.ndarray], seconds: float, hints: list[str]
+) -> dict[str, Any]:
     solved, valid, count = answers["success"], poses.valid, len(poses)
     unsettled = solved & ~answers["optimal"]
     return {
@@ -106,7 +111,21 @@ def _summary(solver: Solver, poses: Poses, answers: dict[str, np.ndarray], secon
         "worst_orientation_error": answers["orientation_error"][valid].max() if valid.any() else None,
         "seconds": seconds,
         "poses_per_second": count / max(seconds, 1e-9),
+        "hints": hints,
     }
+
+
+def _hints(robot: Robot, poses: Poses, solved: np.ndarray, q0: np.ndarray | None) -> list[str]:
+    """What looks like millimetres or degrees where metres and radians are asked for."""
+    numbers, form = poses.table.numbers[poses.valid & ~solved], poses.layout.form
+    hints = [millimetres_hint_of_many(numbers[:, [3, 7, 11] if form == "matrix" else [0, 1, 2]], robot)]
+    if poses.radian == 1.0:
+        angles = poses.table.numbers[poses.valid, 3:6] if form == "rpy" else np.empty(0)
+        starts = poses.starts(slice(None)) if q0 is None else q0[None]
+        worst = np.empty((0, robot.n)) if starts is None else starts[np.abs(starts).max(axis=1).argsort()[-1:]]
+        hints += [degrees_hint_of_angles(angles, "roll, pitch, yaw")]
+        hints += [degrees_hint(start, robot, "a start") for start in worst]
+    return [f"{hint} (--deg)" if "degrees" in hint else hint for hint in hints if hint]
 
 
 def _show(summary: dict[str, Any]) -> None:
@@ -128,3 +147,5 @@ def _show(summary: dict[str, Any]) -> None:
     table.add_row("QPs solved by", summary["backend"])
     table.add_row("answers", summary["output"])
     out.print(table)
+    for hint in summary["hints"]:
+        out.print(f"hint: {hint}", style="bold yellow")

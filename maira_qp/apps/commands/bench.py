@@ -38,16 +38,17 @@ class Bench:
         from maira_qp.apps.benchmark.report import flat, legend, picture, tables
         from maira_qp.apps.benchmark.runner import plan, run
         from maira_qp.apps.benchmark.statistics import summarise
-        from maira_qp.apps.commands.output import check_picture, console, print_json, progress_bar
+        from maira_qp.apps.commands.output import NO_PICTURE, console, picture_is_possible, print_json, progress_bar
 
-        check_picture(self.output / PICTURE)
+        has_picture = picture_is_possible(self.output / PICTURE)
         made = plan(self.choice.load(), self.settings, self.options)
         with progress_bar("solving") as progress:
             rows = run(made, self.output / "rows.jsonl", lambda done: progress(done, made.rows))
         summaries = summarise(rows)
         write_csv(self.output / "rows.csv", rows)
         write_csv(self.output / "summary.csv", [flat(summary) for summary in summaries])
-        picture(summaries, self.output / PICTURE)
+        if has_picture:
+            picture(summaries, self.output / PICTURE)
         if self.json:
             print_json(
                 {
@@ -65,5 +66,9 @@ class Bench:
             out.print("false claims: said to be solved, but off the pose or outside the limits")
             for note in made.notes:
                 out.print(note)
-            out.print(f"rows, summary and picture: {self.output}")
+            out.print(
+                f"rows, summary and picture: {self.output}" if has_picture else f"rows and summary: {self.output}"
+            )
+            if not has_picture:
+                out.print(NO_PICTURE)
         return 0

@@ -32,12 +32,12 @@ class Compare:
     """One JSON value on stdout in place of the table."""
 
     def run(self) -> int:
-        """Prints the table and saves the picture; 0."""
+        """Prints the table and saves the picture, if matplotlib is there; 0."""
         from maira_qp.apps.benchmark.report import flat
-        from maira_qp.apps.commands.output import check_picture, console, print_json, progress_bar
+        from maira_qp.apps.commands.output import NO_PICTURE, console, picture_is_possible, print_json, progress_bar
         from maira_qp.apps.compare import compare, picture, table
 
-        check_picture(self.picture)
+        has_picture = picture_is_possible(self.picture)
         robot = self.choice.load()
         with progress_bar("solving") as progress:
             comparison = compare(
@@ -51,14 +51,14 @@ class Compare:
             )
         if self.json:
             rows = [flat(summary) for summary in comparison.summaries]
-            print_json(
-                {"robot": robot.name, "methods": rows, "notes": comparison.plan.notes, "picture": str(self.picture)}
-            )
+            drawn = str(self.picture) if has_picture else None
+            print_json({"robot": robot.name, "methods": rows, "notes": comparison.plan.notes, "picture": drawn})
         else:
             out = console()
             out.print(table(comparison))
             for note in comparison.plan.notes:
                 out.print(note)
-            out.print(f"picture: {self.picture}")
-        picture(comparison, self.picture)
+            out.print(f"picture: {self.picture}" if has_picture else NO_PICTURE)
+        if has_picture:
+            picture(comparison, self.picture)
         return 0

@@ -30,11 +30,13 @@ class Fk:
         from maira_qp.apps.commands.output import Angles, print_json
         from maira_qp.orientation import quaternion_from_matrix
         from maira_qp.robots.rpy import rpy_from_matrix
+        from maira_qp.robots.unit_hints import degrees_hint
 
         robot = self.choice.load()
         angles = Angles(robot, self.deg)
         q = angles.read(np.zeros(robot.n) if not self.q else self.q)
         T = robot.forward(q).homogeneous
+        hint = degrees_hint(q, robot, "the configuration")
         found = {
             "robot": robot.name,
             "base": robot.base,
@@ -49,6 +51,7 @@ class Fk:
             "matrix": T,
             "condition_number": robot.condition_number(q),
             "manipulability": robot.manipulability(q),
+            "hints": [f"{hint} (--deg)"] if hint else [],
         }
         if self.json:
             print_json(found)
@@ -74,3 +77,5 @@ def _show(found: dict[str, Any], joint_names: tuple[str, ...]) -> None:
     out = console()
     out.print(joint_table(joint_names, found["q"], found["q_units"]))
     out.print(table)
+    for hint in found["hints"]:
+        out.print(f"hint: {hint}", style="bold yellow")

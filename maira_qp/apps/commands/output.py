@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import json
 import math
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -17,35 +17,45 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from maira_qp.apps.benchmark.records import jsonable
-from maira_qp.arrays import real_array
+from maira_qp.arrays import plain, real_array
 from maira_qp.errors import ConfigurationError, OptionError
 
 if TYPE_CHECKING:
     from maira_qp.robots.robot import Robot
 
 PICTURES = (".png", ".svg", ".pdf")
+NO_PICTURE = "pictures need matplotlib: pip install 'maira-qp[plot]'"
 WIDTH_OF_FILES = 160
 """Columns of a table that goes into a file or a pipe, where no terminal tells."""
 
 
 def console(*, stderr: bool = False) -> Console:
-    """A console on stdout or stderr, as wide as the terminal; wide where there is none."""
+    """A console on stdout or stderr, as wide as the terminal or as COLUMNS says; wide where there is neither."""
     stream = sys.stderr if stderr else sys.stdout
-    return Console(file=stream, width=None if stream.isatty() else WIDTH_OF_FILES, markup=False, highlight=False)
+    width = None if stream.isatty() or "COLUMNS" in os.environ else WIDTH_OF_FILES
+    return Console(file=stream, width=width, markup=False, highlight=False)
+
+
+def picture_is_possible(path: Path) -> bool:
+    """Before a long run: whether matplotlib is there. Raises `OptionError` for a name that no picture can have."""
+    if path.suffix.lower() not in PICTURES:
+        raise OptionError(f"a picture's name ends in {', '.join(PICTURES)}, not {path.name!r}")
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        return False
+    return True
 
 
 def check_picture(path: Path) -> None:
     """Before a long run: whether a picture can be drawn, of the kind that its name asks for. Raises `OptionError`."""
-    if path.suffix.lower() not in PICTURES:
-        raise OptionError(f"a picture's name ends in {', '.join(PICTURES)}, not {path.name!r}")
-    if importlib.util.find_spec("matplotlib") is None:
-        raise OptionError("pictures need matplotlib: install maira-qp[plot]")
+    if not picture_is_possible(path):
+        raise OptionError(NO_PICTURE)
 
 
 def print_json(value: Any) -> None:
     """One JSON value on stdout; numbers that are not finite are null."""
-    sys.stdout.write(json.dumps(jsonable(value), allow_nan=False, indent=2) + "\n")
+    sys.stdout.write(json.dumps(plain(value), allow_nan=False, indent=2) + "\n")
 
 
 class Angles:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 VERDICTS = {"CONVERGED": 0, "NEAREST": 1, "UNREACHABLE": 3, "BUDGET_SPENT": 4}
 """Exit codes by the name of the status."""
+
+UNBOUNDED = 100_000
+"""Columns of a console that cuts nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +77,7 @@ class Solve:
     def run(self) -> int:
         """Prints the solution, or the summary of a batch; the exit code as the class says."""
         from maira_qp.apps.commands.output import Angles, print_json
+        from maira_qp.robots.unit_hints import degrees_hint_of_angles
         from maira_qp.solvers.solver import Solver
 
         self._check_flags()
@@ -103,10 +108,12 @@ class Solve:
                 _show_all(robot, angles, solutions)
             return 0 if solutions else 1
         solution = solver.solve(target, q0=q0, rng=seed)
+        rpy = "" if self.pose.rpy is None or self.deg else degrees_hint_of_angles(self.pose.rpy, "--rpy")
+        hints = [f"{hint} (--deg)" if "degrees" in hint else hint for hint in (rpy, *solution.hints) if hint]
         if self.json:
-            print_json(_as_json(robot, angles, solution))
+            print_json(_as_json(robot, angles, solution) | {"hints": hints})
         else:
-            _show(robot, angles, solution)
+            _show(robot, angles, solution, hints)
         return VERDICTS[solution.status.name]
 
     def _check_flags(self) -> None:
@@ -132,12 +139,11 @@ def _as_json(robot: Robot, angles: Angles, s: Solution) -> dict[str, Any]:
         **s.as_dict(),
         "q": angles.write(s.q),
         "q_units": angles.units,
-        "status": s.status.name,
         "explanation": s.explain().as_dict(),
     }
 
 
-def _show(robot: Robot, angles: Angles, s: Solution) -> None:
+def _show(robot: Robot, angles: Angles, s: Solution, hints: Sequence[str]) -> None:
     """The solution as tables on stdout."""
     from rich.table import Table
 
@@ -146,7 +152,9 @@ def _show(robot: Robot, angles: Angles, s: Solution) -> None:
     out = console()
     out.print(f"{s.status.name}: {s.status.meaning}", style="bold green" if s.success else "bold yellow")
     if not s.success:
-        out.print(str(s.explain()))
+        out.print(str(replace(s.explain(), hints=())))
+    for hint in hints:
+        out.print(f"hint: {hint}", style="bold yellow")
     if s.success and not s.optimal:
         out.print("the redundancy was not settled: a better posture for this pose may exist nearby")
     if s.start_projected:
@@ -190,10 +198,12 @@ def _all_as_json(robot: Robot, angles: Angles, solutions: Solutions) -> dict[str
 
 
 def _show_all(robot: Robot, angles: Angles, solutions: Solutions) -> None:
-    """The solutions as a table on stdout, a row each."""
+    """The solutions on stdout: a table with a row each, or, where that is too wide, some lines each."""
+    from rich.measure import Measurement
     from rich.table import Table
 
     from maira_qp.apps.commands.output import console
+    from maira_qp.display import columns, joint_entries
 
     out, complete = console(), "complete" if solutions.is_complete else "not proved complete"
     out.print(
@@ -201,12 +211,20 @@ def _show_all(robot: Robot, angles: Angles, solutions: Solutions) -> None:
     )
     if solutions.starts:
         out.print(f"{solutions.starts} random starts, {solutions.starts_without_new} since the last new solution")
-    table = Table()
-    for name, unit in zip(robot.joint_names, angles.units, strict=True):
-        table.add_column(f"{name} [{unit}]", justify="right")
-    for name in ("posture cost", "error [m]", "error [rad]"):
-        table.add_column(name, justify="right")
+    headings = [f"{name} [{unit}]" for name, unit in zip(robot.joint_names, angles.units, strict=True)]
+    table = Table(*headings, "posture cost", "error [m]", "error [rad]")
     for one in solutions:
         values = [f"{value:.5f}" for value in angles.write(one.q)]
         table.add_row(*values, f"{one.cost:.5g}", f"{one.position_error:.1e}", f"{one.orientation_error:.1e}")
-    out.print(table)
+    for column in table.columns:
+        column.justify = "right"
+    if Measurement.get(out, out.options.update(width=UNBOUNDED), table).maximum <= out.width:
+        out.print(table)
+        return
+    for i, one in enumerate(solutions, start=1):  # each in a few lines
+        out.print(
+            f"{i}. posture cost {one.cost:.5g}, {one.position_error:.1e} m and {one.orientation_error:.1e} rad off",
+            style="bold",
+        )
+        values = [f"{value:.5f} {unit}" for value, unit in zip(angles.write(one.q), angles.units, strict=True)]
+        out.print("\n".join(columns(joint_entries(robot.joint_names, values), out.width, len(values))))
