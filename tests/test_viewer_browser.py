@@ -13,6 +13,7 @@ from PIL import Image
 import maira_qp as mq
 from maira_qp.apps.commands.robot_choice import RobotChoice
 from maira_qp.apps.viewer.start import bent_configuration
+from maira_qp.apps.viewer.surroundings import MARGIN
 from maira_qp.orientation import matrix_from_quaternion
 from maira_qp.robots.urdf_writer import urdf_text
 
@@ -246,6 +247,42 @@ def test_the_swivel_slider_moves_the_elbow_and_not_the_tool(tab, viewer):
     assert np.abs(mq.pose_error(session.robot.forward(session.q), tool)).max() < 1e-6
 
 
+def test_arrow_keys_on_a_slider_do_not_turn_the_camera(tab, viewer):
+    tab.open("Joints")
+    tab.go_home()
+    session, camera = viewer.current, viewer.server.get_clients()[tab.client].camera
+    position, q = camera.position.copy(), session.q
+    tab.page.get_by_role("slider").first.focus()
+    for key in ("ArrowRight", "ArrowLeft", "ArrowRight"):
+        tab.page.keyboard.down(key)
+        tab.page.wait_for_timeout(300)
+        tab.page.keyboard.up(key)
+    tab.wait(lambda: session.q[0] != q[0])
+    tab.page.wait_for_timeout(500)
+    np.testing.assert_allclose(camera.position, position, atol=1e-9)
+
+
+def test_with_keep_clear_what_is_converged_is_clear(tab, viewer):
+    """A ball on the elbow, the target raised by 50 mm: the arm gets out of it, and is where it is said to be."""
+    tab.go_home()
+    session = viewer.current
+    ball = mq.Sphere(0.1, mq.pose(session.robot.forward(session.q, "link4").translation), name="ball on the elbow")
+    viewer.session("ball", lambda session: session.put_obstacle(ball))
+    viewer.session("avoid", lambda session: session.avoid(True))
+    T = session.target.homogeneous.copy()
+    T[2, 3] += 0.05
+    viewer.session("target", lambda session: session.move_target(T))
+    tab.wait(lambda: np.abs(session.target.homogeneous - T).max() < 1e-9)
+    tab.page.wait_for_timeout(1000)
+    tab.page.get_by_text("CONVERGED").wait_for(timeout=1000 * PATIENCE)
+    q = session.q
+    distance = mq.CollisionLimit(obstacles=[ball], self_collision=False).of(session.robot).scene.contacts(q, np.inf)
+    assert distance.distances.min() > MARGIN - 2e-4
+    assert np.abs(mq.pose_error(session.robot.forward(q), session.target)).max() < 1e-6
+    viewer.session("remove", lambda session: [session.remove_obstacles(), session.avoid(False)])
+    tab.wait(lambda: not session.obstacles)
+
+
 def test_all_solutions_are_shown_and_visited(tab, viewer):
     tab.open("Reach")
     tab.go_home()
@@ -318,6 +355,13 @@ def test_another_robot_is_picked_and_a_wrong_file_is_told(tab, viewer):
     tab.wait(lambda: viewer.current.robot.name == "iiwa14")
     tab.page.get_by_text("maira_qp: iiwa14").wait_for(timeout=1000 * PATIENCE)
     tab.open("Robot")
+    tab.page.get_by_text("7 joints from base_link to tool0").wait_for(timeout=1000 * PATIENCE)
+    tab.page.get_by_label("Tip", exact=True).click()
+    tab.page.get_by_role("option", name="link5").click()
+    tab.wait(lambda: viewer.current.robot.tip == "link5")
+    assert viewer.current.robot.name == "iiwa14"
+    tab.open("Robot")
+    tab.page.get_by_text("to link5").wait_for(timeout=1000 * PATIENCE)
     tab.click("Show it")
     tab.wait(lambda: viewer.current.robot.name == "maira")
 

@@ -15,8 +15,9 @@ from maira_qp.apps.viewer.elbow import elbow_of
 from maira_qp.apps.viewer.recording import Recording, save
 from maira_qp.apps.viewer.session import FARTHEST, Session
 from maira_qp.apps.viewer.start import bent_configuration
-from maira_qp.apps.viewer.surroundings import MARGIN
-from maira_qp.apps.viewer.view import View
+from maira_qp.apps.viewer.surroundings import MARGIN, first_in_the_way
+from maira_qp.apps.viewer.tips import tips_in
+from maira_qp.apps.viewer.view import Standing, View
 from maira_qp.errors import MairaError, OptionError, PoseError
 from maira_qp.robots.srs import SRS
 
@@ -207,6 +208,48 @@ def test_the_arm_keeps_clear_of_a_ball_only_if_it_is_to(maira, is_avoiding):
     assert (least > MARGIN - 1e-4) == is_avoiding
 
 
+@pytest.mark.parametrize("radius", [0.03, 0.12])
+def test_what_is_said_holds_for_the_arm_that_is_drawn(maira, radius):
+    """A ball on the elbow of an arm that is to keep clear, the target raised by 50 mm: at every tick CONVERGED is said
+    of a tool at the target and an arm that is clear, by other distances; an arm that is not clear is said to be so."""
+    session = Session(maira)
+    ball = mq.Sphere(radius, mq.pose(maira.forward(session.q, "link4").translation), name="ball")
+    session.put_obstacle(ball)
+    session.avoid(True)
+    limit = mq.CollisionLimit(obstacles=[ball], margin=MARGIN, self_collision=False).of(maira)
+    seen = set()
+    for k in range(60):
+        if k == 5:
+            T = session.target.homogeneous.copy()
+            T[2, 3] += 0.05
+            session.move_target(T)
+        view = run(session, DT)
+        distance = limit.scene.contacts(view.q, np.inf).distances.min()
+        error = np.abs(mq.pose_error(maira.forward(view.q), session.target)).max()
+        seen.add(view.standing)
+        if view.standing is Standing.REACHED:
+            assert error < 1e-6
+            assert distance > MARGIN - 2e-4
+        if view.standing is not Standing.UNKNOWN:
+            assert (view.standing is Standing.TOO_NEAR) == (distance < MARGIN - 1e-4)
+        if view.standing is Standing.TOO_NEAR:
+            assert "ball" in readout.sentence(view)
+        assert ("CONVERGED" in readout.readout(view)) == (view.standing is Standing.REACHED)
+    assert Standing.TOO_NEAR in seen
+
+
+def test_what_keeps_the_arm_from_a_better_configuration_is_named(maira):
+    """An arm that stands still short of a target, to whose solution the straight way leads through a ball."""
+    session = Session(maira)
+    goal = session.q + np.array([1.2, 0, 0, 0, 0, 0, 0])
+    half_way = maira.forward(session.q + np.array([0.6, 0, 0, 0, 0, 0, 0]), "link4").translation
+    limit = mq.CollisionLimit(obstacles=[mq.Sphere(0.1, mq.pose(half_way), name="ball")], margin=MARGIN).of(maira)
+    assert first_in_the_way(limit, session.q, goal).obstacle == "ball"
+    assert first_in_the_way(limit, session.q, session.q - 0.05) is None
+    inside = session.q + np.array([0.6, 0, 0, 0, 0, 0, 0])
+    assert first_in_the_way(limit, inside, goal) is None  # out of it
+
+
 def test_among_obstacles_a_target_out_of_reach_is_told_as_without_them(maira):
     session = Session(maira)
     session.put_obstacle(through_the_tool(session))
@@ -296,6 +339,16 @@ def test_nothing_is_played_or_shown_that_is_not_there(maira):
     for asked in (session.play, lambda: session.go_to_ghost(0)):
         with pytest.raises(OptionError):
             asked()
+
+
+def test_the_tips_of_a_file_are_listed_with_its_tool_first(tmp_path, maira):
+    file = tmp_path / "arm.urdf"
+    file.write_text(maira.urdf)
+    tips = tips_in(file)
+    assert tips[0] == "tool0"
+    assert set(tips) == {"tool0", *maira.moved_links}
+    file.write_text("<robot")
+    assert tips_in(file) == ()
 
 
 def recorded(robot: mq.Robot, rng: np.random.Generator, count: int = 5) -> Recording:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -20,6 +20,7 @@ from maira_qp.apps.viewer.session import Method, Session
 from maira_qp.apps.viewer.view import View
 from maira_qp.errors import OptionError
 from maira_qp.robots.collision.shapes import Box, Shape, Sphere
+from maira_qp.robots.robot import Robot
 
 METHODS: dict[str, Method] = {
     "Strict hierarchy": "strict",
@@ -28,8 +29,31 @@ METHODS: dict[str, Method] = {
 }
 UNTOUCHED = 0.4
 """A slider that a person moved is left alone for so long [s]: what is shown is older than what was asked for."""
+KEYS_OF_SLIDERS = """
+<img hidden alt="" src="data:," onerror="
+  if (!window.keysOfSliders) {
+    window.keysOfSliders = true;
+    document.body.addEventListener('keydown', event => {
+      if (event.key.startsWith('Arrow') && event.target.closest('[role=slider], [role=tab]')) event.stopPropagation();
+    });
+  }
+">
+"""
+"""Arrow keys that move a slider do not turn the camera too, which listens at the document. A page of viser takes no
+scripts of its server in another way."""
 WHOLE_TURN = 360.0
 """Range of the slider of a joint without limits, to either side [deg]."""
+
+
+class Loaded(NamedTuple):
+    """Where the robot that is shown comes from."""
+
+    name: str
+    """Of the catalog, or of a file"""
+    tips: tuple[str, ...]
+    """Links that may be its tip, the present one first"""
+    notes: list[str]
+    """What of it could not be drawn"""
 
 
 class Ask(Protocol):
@@ -40,6 +64,9 @@ class Ask(Protocol):
 
     def robot(self, robot: str, tip: str | None, client: viser.ClientHandle | None) -> None:
         """Another robot: a name of the catalog, or a file."""
+
+    def tip(self, tip: str, client: viser.ClientHandle | None) -> None:
+        """The robot that is shown, with another tip."""
 
     def uploaded_robot(self, name: str, content: bytes, tip: str | None, client: viser.ClientHandle | None) -> None:
         """Another robot, from a file that a browser sent."""
@@ -52,7 +79,8 @@ class Ask(Protocol):
 class Panel:
     """All controls, for one session."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session, notes: list[str], ask: Ask) -> None:
+    def __init__(self, gui: viser.GuiApi, session: Session, loaded: Loaded, ask: Ask) -> None:
+        gui.add_html(KEYS_OF_SLIDERS)
         self._readout = gui.add_html("")
         tabs = gui.add_tab_group()
         with tabs.add_tab("Reach"):
@@ -64,7 +92,7 @@ class Panel:
         with tabs.add_tab("Path"):
             self._path = PathTab(gui, ask)
         with tabs.add_tab("Robot"):
-            self._robot = RobotTab(gui, notes, ask)
+            self._robot = RobotTab(gui, session.robot, loaded, ask)
 
     def show(self, session: Session, view: View) -> None:
         """What there is to see."""
@@ -274,16 +302,23 @@ class PathTab:
 
 
 class RobotTab:
-    """Which robot: one of the catalog, a URDF file, a DH table."""
+    """Which robot: the one that is loaded, one of the catalog, a URDF file, a DH table."""
 
-    def __init__(self, gui: viser.GuiApi, notes: list[str], ask: Ask) -> None:
+    def __init__(self, gui: viser.GuiApi, robot: Robot, loaded: Loaded, ask: Ask) -> None:
+        gui.add_html(readout.robot(robot, loaded.name))
+        tips = gui.add_dropdown("Tip", loaded.tips, initial_value=robot.tip, hint="The link that goes to the target")
         catalog = gui.add_dropdown("Catalog", CATALOG)
         show = gui.add_button("Show it")
         path = gui.add_text("File", "", hint="A URDF (.urdf, .xml) or a DH table (.toml, .yaml) where the viewer runs")
-        tip = gui.add_text("Tip link", "", hint="Empty: the only end of the chain")
+        tip = gui.add_text("Tip of it", "", hint="Empty: its end; of several the one behind most joints")
         load = gui.add_button("Load the file")
         upload = gui.add_upload_button("Upload a file", mime_type=".urdf,.xml,.toml,.yaml,.yml", icon=viser.Icon.UPLOAD)
-        gui.add_html(readout.notes(notes))
+        gui.add_html(readout.notes(loaded.notes))
+
+        @tips.on_update
+        def _(event: viser.GuiEvent) -> None:
+            if event.client is not None and tips.value != robot.tip:
+                ask.tip(tips.value, event.client)
 
         @show.on_click
         def _(event: viser.GuiEvent) -> None:

@@ -11,19 +11,25 @@ from maira_qp.apps.viewer.answers import Verdict
 from maira_qp.apps.viewer.elbow import Elbow
 from maira_qp.apps.viewer.recording import Recording
 from maira_qp.apps.viewer.session import Session
-from maira_qp.apps.viewer.surroundings import MARGIN
-from maira_qp.apps.viewer.view import View, limits_at
+from maira_qp.apps.viewer.surroundings import MARGIN, Clearance
+from maira_qp.apps.viewer.view import Standing, View, limits_at
 from maira_qp.robots.robot import Robot
 from maira_qp.solvers.explanation import Explanation
 from maira_qp.solvers.solution import Status
 
 GOOD, POOR, BAD, QUIET = "#1a7f4b", "#b26a00", "#c92a2a", "#868e96"
-_COLOURS = {Status.CONVERGED: GOOD, Status.NEAREST: POOR, Status.BUDGET_SPENT: POOR, Status.UNREACHABLE: BAD}
+_COLOURS_OF_STANDING = {
+    Standing.UNKNOWN: QUIET,
+    Standing.REACHED: GOOD,
+    Standing.TOO_NEAR: BAD,
+    Standing.MOVING: QUIET,
+    Standing.HELD_UP: POOR,
+    Standing.ANSWERED: POOR,
+}
 
 
 def readout(view: View) -> str:
     """The verdict with its reason, and the state of the arm in a table."""
-    verdict = view.verdict
     rows = [
         ("position error", length(view.position_error)),
         ("orientation error", f"{view.orientation_error:.2e} rad"),
@@ -35,7 +41,7 @@ def readout(view: View) -> str:
         f'<tr><td style="color:{QUIET};padding-right:1em">{name}</td><td>{cell}</td></tr>' for name, cell in rows
     )
     table = f'<table style="font-size:0.8em;line-height:1.5;font-variant-numeric:tabular-nums">{cells}</table>'
-    return f'<div style="padding:0 0.75em 0.75em">{_headline(verdict)}{table}</div>'
+    return f'<div style="padding:0 0.75em 0.75em">{_headline(view)}{table}</div>'
 
 
 def reason(verdict: Verdict) -> str:
@@ -98,6 +104,12 @@ def path(recording: Recording) -> str:
     return _line(f"{seconds:.1f} s, {rows} configurations" if rows else "nothing is recorded yet")
 
 
+def robot(robot: Robot, source: str) -> str:
+    """Which robot is loaded."""
+    base = f"{robot.n} joints from {robot.base} to {', '.join(robot.tips)}"
+    return f'<div style="padding:0 0.75em"><b>{escape(robot.name)}</b></div>{_line(f"{source}: {base}")}'
+
+
 def notes(lines: list[str]) -> str:
     """What could not be drawn, the first few lines of it."""
     shown = [*lines[:4], *([f"and {len(lines) - 4} more"] if len(lines) > 4 else [])]
@@ -109,14 +121,40 @@ def _line(text: str) -> str:
     return f'<div style="padding:0 0.75em;font-size:0.8em;color:{QUIET};overflow-wrap:anywhere">{escape(text)}</div>'
 
 
-def _headline(verdict: Verdict | None) -> str:
-    if verdict is None:
-        return f'<p style="color:{QUIET};margin:0 0 0.4em">...</p>'
-    status, colour = verdict.solution.status, _COLOURS[verdict.solution.status]
-    full = "" if verdict.reason is None else escape(str(verdict.reason))
-    badge = f'<b style="color:{colour}">{status.name.replace("_", " ")}</b>'
-    words = f'<small style="overflow-wrap:anywhere" title="{full}">{escape(reason(verdict))}</small>'
+def _headline(view: View) -> str:
+    """How the arm that is drawn stands to its target, in a word or two and a sentence."""
+    verdict, standing = view.verdict, view.standing
+    name, colour, full = standing.value, _COLOURS_OF_STANDING[standing], ""
+    if standing is Standing.ANSWERED and verdict is not None:
+        status = verdict.solution.status
+        name, colour = status.name.replace("_", " "), BAD if status is Status.UNREACHABLE else POOR
+        full = "" if verdict.reason is None else escape(str(verdict.reason))
+    badge = f'<b style="color:{colour}">{name}</b>'
+    words = f'<small style="overflow-wrap:anywhere" title="{full}">{escape(sentence(view))}</small>'
     return f'<p style="margin:0 0 0.4em;line-height:1.3">{badge}<br/>{words}</p>'
+
+
+def sentence(view: View) -> str:
+    """How the arm that is drawn stands to its target, for a person."""
+    standing, blocking = view.standing, "" if view.in_the_way is None else f": {_pair(view.in_the_way)} is in the way"
+    if standing is Standing.TOO_NEAR:
+        near = "; ".join(f"{_pair(one)} {_apart(one.distance)}" for one in view.too_near)
+        return f"{near}, where {1e3 * MARGIN:.0f} mm are to be kept"
+    if standing is Standing.REACHED:
+        return "the tool is at the target within its tolerances"
+    if standing is Standing.HELD_UP:
+        return f"the arm comes no nearer from here, though a better configuration is known{blocking}"
+    if standing is Standing.MOVING:
+        return "the target can be reached, the arm is on its way"
+    return "..." if view.verdict is None or standing is Standing.UNKNOWN else reason(view.verdict)
+
+
+def _pair(one: Clearance) -> str:
+    return f"{one.link} - {one.obstacle}"
+
+
+def _apart(distance: float) -> str:
+    return f"are {1e3 * distance:.0f} mm apart" if distance > 0 else f"overlap by {-1e3 * distance:.0f} mm"
 
 
 def _limits(why: Explanation) -> str:

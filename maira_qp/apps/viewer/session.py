@@ -21,8 +21,8 @@ from maira_qp.apps.viewer.elbow import Elbow, elbow_finder
 from maira_qp.apps.viewer.motions import Go, Motion, Replay, Swivel
 from maira_qp.apps.viewer.recording import Recording
 from maira_qp.apps.viewer.start import bent_configuration
-from maira_qp.apps.viewer.surroundings import clearances
-from maira_qp.apps.viewer.view import View, limits_at
+from maira_qp.apps.viewer.surroundings import Clearance, clearances, first_in_the_way, too_near
+from maira_qp.apps.viewer.view import Standing, View, limits_at
 from maira_qp.errors import OptionError
 from maira_qp.orientation import pose_error
 from maira_qp.problem.collision import CollisionLimit
@@ -31,6 +31,7 @@ from maira_qp.problem.pose import as_pose
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.robots.collision.shapes import Shape
 from maira_qp.robots.robot import Robot
+from maira_qp.solvers.solution import Solution
 from maira_qp.solvers.solver import Solver
 
 Method = Literal["strict", "weighted", "none"]
@@ -43,7 +44,7 @@ SMOOTHING = 0.05
 AT_REST = 1e-4
 """An arm that moves less in a tick [rad, or m] stands still."""
 STUCK = 15
-"""Ticks of standing still away from a target that can be reached, after which the arm goes another way."""
+"""Ticks of standing still, after which an arm goes to the solver's answer, if that is nearer to the target."""
 AWAY = 1e-4
 """An error [m, or rad] above this is not what is left of a motion that fades away."""
 RESTS = 20
@@ -75,6 +76,10 @@ class Session:
         self._still = 0
         self._target_still = 0
         self._tick_seconds = 0.0
+        self._fitted_to: tuple[dict[str, Shape], bool] = self.obstacles, self.is_avoiding
+        self._tried: Solution | None = None
+        self._in_the_way: Clearance | None = None
+        self._clearances: list[Clearance] = []
         self._verdict: Verdict | None = verdict_on(self._solver, self._plain, self.target, self.q)
         self._ghosts: Ghosts | None = None
         self._elbow: tuple[np.ndarray, Elbow | None] | None = None
@@ -180,6 +185,7 @@ class Session:
                 self._motion = None
         elif self._is_following:
             self._tick_toward_target(dt)
+        self._clearances = [] if self._limit is None else clearances(self._limit, self.q)
         moved = float(np.abs(self.q - before).max())
         self._target_still += 1
         self._still = self._still + 1 if moved < AT_REST else 0
@@ -192,10 +198,13 @@ class Session:
         """What is to be found out next, if anything is; the solutions aside."""
         if "solver" in self._stale:
             given = self.robot, self.redundancy, self.obstacles, self.directories, self.is_avoiding
-            return self._taken("solver", Job(partial(fitted, *given), self._use_solver))
+            write = partial(self._use_solver, (self.obstacles, self.is_avoiding))
+            return self._taken("solver", Job(partial(fitted, *given), write))
         if "verdict" in self._stale:
             given = self._solver, self._plain, self.target, self.q
             return self._taken("verdict", Job(partial(verdict_on, *given), self._use_verdict))
+        if self._wants_another_way:
+            return self._other_way()
         if self._find_elbow is not None and self._still > 0 and not self._is_elbow_known:
             find, q = self._find_elbow, self.q
             return Job(lambda: (q, find(q)), self._use_elbow)
@@ -252,17 +261,76 @@ class Session:
         self._stale |= {"verdict", "ghosts"}
 
     def _tick_toward_target(self, dt: float) -> None:
-        """One control tick; where ticks get no further, though the target can be reached, another way round."""
+        """One control tick."""
         begin = time.perf_counter()
         step = self._solver.step(self.q, self.target, dt, velocity=self._velocity)
         seconds = time.perf_counter() - begin
         self._tick_seconds += SMOOTHING * (seconds - self._tick_seconds) if self._tick_seconds else seconds
         self.q, self._velocity = step.q, step.velocity
+
+    # Another way round, where ticks get no further or the arm is where it must not be
+
+    @property
+    def _answer(self) -> Solution | None:
+        """What the solver says of the target as it is, among the obstacles as they are."""
         verdict = self._verdict
-        if self._still >= STUCK and verdict is not None and verdict.target is self.target and verdict.solution.success:
-            away = np.abs(pose_error(self.robot.forward(self.q), self.target)).max()
-            if away > AWAY and not (self.is_avoiding and self.obstacles):
-                self._motion, self._still = Go(self.robot, verdict.solution.q), 0
+        if verdict is None or verdict.target is not self.target or not self._is_fitted:
+            return None
+        return None if self._stale & {"verdict", "solver"} else verdict.solution
+
+    @property
+    def _is_fitted(self) -> bool:
+        """The solver and the distances are those for the obstacles as they are."""
+        obstacles, is_avoiding = self._fitted_to
+        return obstacles is self.obstacles and is_avoiding == self.is_avoiding
+
+    @property
+    def _too_near(self) -> list[Clearance]:
+        return too_near(self._clearances) if self.is_avoiding else []
+
+    @property
+    def _wants_another_way(self) -> bool:
+        """There is an answer to go to that was not tried yet."""
+        answer = self._answer
+        if self._motion is not None or answer is None or answer is self._tried:
+            return False
+        stuck = self._is_following and self._still >= STUCK and self._is_worse_than(answer)
+        return stuck or (self._still > 0 and bool(self._too_near))
+
+    def _is_worse_than(self, answer: Solution) -> bool:
+        """The tool is farther from the target than it would be there."""
+        error = pose_error(self.robot.forward(self.q), self.target)
+        position, orientation = np.linalg.norm(error[:3]), np.linalg.norm(error[3:])
+        return bool(position > answer.position_error + AWAY or orientation > answer.orientation_error + AWAY)
+
+    def _other_way(self) -> Job:
+        """Whether the way to the answer is clear, if it has to be."""
+        answer, q, limit = self._answer, self.q, self._limit if self.is_avoiding else None
+        assert answer is not None
+        self._tried = answer
+
+        def write(blocking: Clearance | None) -> None:
+            if self._answer is answer and self._motion is None:
+                self._in_the_way = blocking
+                if blocking is None:
+                    self._motion, self._still = Go(self.robot, answer.q), 0
+
+        return Job(lambda: None if limit is None else first_in_the_way(limit, q, answer.q), write)
+
+    def _standing(self, position: float, orientation: float) -> Standing:
+        """Of the arm as it is drawn, with what is left of the errors [m, rad]."""
+        options, answer = self._solver.options, self._answer
+        if self._too_near:
+            return Standing.TOO_NEAR
+        if not self._is_fitted:
+            return Standing.UNKNOWN
+        if position <= options.position_tolerance and orientation <= options.orientation_tolerance:
+            return Standing.REACHED
+        if answer is None:
+            return Standing.UNKNOWN
+        if answer is self._tried and self._motion is None and self._still >= STUCK and self._is_worse_than(answer):
+            return Standing.HELD_UP
+        return Standing.MOVING if answer.success else Standing.ANSWERED
 
     # Jobs and their answers
 
@@ -273,7 +341,8 @@ class Session:
     def _rebuild(self) -> None:
         self._stale.add("solver")
 
-    def _use_solver(self, answer: Fitted) -> None:
+    def _use_solver(self, fitted_to: tuple[dict[str, Shape], bool], answer: Fitted) -> None:
+        self._fitted_to = fitted_to
         self._solver, self._limit, self._notice = answer
         self._still = 0
         self._stale.add("verdict")
@@ -296,17 +365,21 @@ class Session:
         tool = robot.forward(q)
         error = pose_error(tool, self.target)
         ghosts = self._ghosts if self._ghosts is not None and self._ghosts.target is self.target else None
+        position, orientation = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
         return View(
             q=q,
             tool=tool,
             target=self.target,
-            position_error=float(np.linalg.norm(error[:3])),
-            orientation_error=float(np.linalg.norm(error[3:])),
+            position_error=position,
+            orientation_error=orientation,
             condition_number=robot.condition_number(q),
             at_limit=limits_at(robot, q),
-            clearances=[] if self._limit is None else clearances(self._limit, q),
+            clearances=self._clearances,
             tick_seconds=self._tick_seconds,
             verdict=self._verdict,
+            standing=self._standing(position, orientation),
+            too_near=self._too_near,
+            in_the_way=self._in_the_way if self._answer is self._tried else None,
             ghosts=ghosts,
             elbow=self.elbow,
             notice=self._notice,

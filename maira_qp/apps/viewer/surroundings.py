@@ -14,6 +14,12 @@ MARGIN = 0.02
 """What is kept between the arm and an obstacle [m]."""
 
 
+SLACK = 1e-4
+"""Nearer than the margin by at most this [m] is at the margin."""
+STRIDE = 0.02
+"""A way is looked at in steps of this [rad or m] of the joint that goes farthest."""
+
+
 class Clearance(NamedTuple):
     """The point of the arm that is nearest to an obstacle."""
 
@@ -23,6 +29,25 @@ class Clearance(NamedTuple):
     """[m], negative by the depth where they overlap"""
     points: np.ndarray
     """(2, 3) [m], of the link and of the obstacle, in the base"""
+
+
+def too_near(found: Sequence[Clearance]) -> list[Clearance]:
+    """Those inside the margin, the nearest first."""
+    return sorted((one for one in found if one.distance < MARGIN - SLACK), key=lambda one: one.distance)
+
+
+def first_in_the_way(limit: CollisionLimit, q: np.ndarray, goal: np.ndarray) -> Clearance | None:
+    """What the straight way in joint space from q (n,) to a goal (n,) comes too near to; None: nothing.
+
+    An obstacle that is too near at q already may be so on the way, but not at the goal.
+    """
+    begin = {one.obstacle for one in too_near(clearances(limit, q))}
+    for share in np.linspace(0, 1, 2 + int(np.abs(goal - q).max() / STRIDE))[1:]:
+        near = too_near(clearances(limit, (1 - share) * q + share * goal))
+        blocking = [one for one in near if share == 1 or one.obstacle not in begin]
+        if blocking:
+            return blocking[0]
+    return None
 
 
 def collision_limit(obstacles: Mapping[str, Shape], directories: Sequence[str]) -> CollisionLimit:

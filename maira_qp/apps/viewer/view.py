@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +13,23 @@ from maira_qp.apps.viewer.elbow import Elbow
 from maira_qp.apps.viewer.surroundings import Clearance
 from maira_qp.robots.robot import Robot
 from maira_qp.solvers.solution import ACTIVE_WITHIN
+
+
+class Standing(Enum):
+    """How an arm stands to its target."""
+
+    UNKNOWN = "..."
+    """It is being found out."""
+    REACHED = "CONVERGED"
+    """The tool is at the target within the tolerances, and the arm is as clear as it is to be."""
+    TOO_NEAR = "TOO NEAR"
+    """It is to keep clear of the obstacles, and is inside the margin of one."""
+    MOVING = "MOVING"
+    """The target can be reached, and the arm is on its way."""
+    HELD_UP = "HELD UP"
+    """It stands still, though a better configuration is known."""
+    ANSWERED = "ANSWERED"
+    """The target cannot be reached from here as far as is known: the verdict says what is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +51,13 @@ class View:
     tick_seconds: float
     """What control ticks take [s]"""
     verdict: Verdict | None
-    """On the target as it is, if it is known yet"""
+    """On the last target that was looked at"""
+    standing: Standing
+    """How the arm as it is drawn stands to its target"""
+    too_near: list[Clearance]
+    """Obstacles inside the margin of the arm as it is drawn, if it is to keep clear of them; the nearest first"""
+    in_the_way: Clearance | None
+    """What keeps the arm from a better configuration that is known, if something does"""
     ghosts: Ghosts | None
     elbow: Elbow | None
     notice: str
