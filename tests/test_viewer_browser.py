@@ -360,6 +360,7 @@ def test_another_robot_is_picked_and_a_wrong_file_is_told(tab, viewer):
     tab.page.get_by_role("option", name="link5").click()
     tab.wait(lambda: viewer.current.robot.tip == "link5")
     assert viewer.current.robot.name == "iiwa14"
+    tab.page.get_by_text("maira_qp: iiwa14 (link5)").wait_for(timeout=1000 * PATIENCE)
     tab.open("Robot")
     tab.page.get_by_text("to link5").wait_for(timeout=1000 * PATIENCE)
     tab.click("Show it")

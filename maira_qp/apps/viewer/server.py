@@ -129,7 +129,7 @@ class Viewer:
                 lambda name, T: self.session(name, lambda session: session.move_obstacle(name, T[:3, 3])),
             )
             self._panel = Panel(self._server.gui, session, prepared.loaded, self)
-            self._server.gui.set_panel_label(f"maira_qp: {session.robot.name}")
+            self._server.gui.set_panel_label(f"maira_qp: {session.robot.name} ({session.robot.tip})")
             frame_camera(self._server.initial_camera, session.robot)
 
     def _show(self, session: Session, view: View) -> None:
