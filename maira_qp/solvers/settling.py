@@ -25,7 +25,7 @@ import numpy as np
 
 from maira_qp.problem.costs import LevelObjective, TaskCost, WeightedCost, multipliers, strict_levels
 from maira_qp.problem.hierarchy import projected_gradient, solve_hierarchy
-from maira_qp.problem.limits import Bounds
+from maira_qp.problem.limits import FEASIBILITY, Bounds, Limit, Tick
 from maira_qp.problem.objectives import Objective
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks.limit import LimitTask
@@ -42,6 +42,9 @@ LEAST_RADIUS = 1e-9
 
 RESTORING = 6
 """Iterations that a step may take to come back to the pose."""
+
+REGAINING = 4
+"""Times that a step may be brought back within bent limits, and from there onto the pose."""
 
 RESTORED = 0.5e-22
 """The pose counts as regained when its cost `1/2 |W e|^2` is below this: an error of 1e-11."""
@@ -92,6 +95,21 @@ def settle(
     return settled
 
 
+@dataclass(frozen=True)
+class _Held(Limit):
+    """A limit that was a wish, held to rounding: as a wish it has a tolerance, by far larger."""
+
+    limit: Limit
+
+    def rows(self, at: Configuration, tick: Tick | None) -> tuple[np.ndarray, np.ndarray] | None:
+        """Those of the limit."""
+        return self.limit.rows(at, tick)
+
+    def violation(self, at: Configuration) -> float:
+        """That of the limit, where it is more than rounding."""
+        return max(0.0, self.limit.violation(at) - FEASIBILITY)
+
+
 def _tasks_alone(objective: Objective) -> TaskCost | None:
     """The tasks of a level that has no objectives; None for what is no such level."""
     return objective.tasks if isinstance(objective, LevelObjective) and not objective.objectives else None
@@ -99,7 +117,7 @@ def _tasks_alone(objective: Objective) -> TaskCost | None:
 
 def _wishes_held(cost: TaskCost, setting: Setting) -> tuple[TaskCost, Setting]:
     """The tasks without the limits among them, which are kept, and a setting in which they are limits."""
-    wishes = tuple(task.limit for task in cost.tasks if isinstance(task, LimitTask))
+    wishes = tuple(_Held(task.limit) for task in cost.tasks if isinstance(task, LimitTask))
     return (cost.without_wishes(), replace(setting, further=(*setting.further, *wishes))) if wishes else (cost, setting)
 
 
@@ -143,8 +161,8 @@ class _Walk:
             if self._is_optimal(at) or self.budget.late():
                 break
             dq = self._step(at, radius)
-            trial = self._restored(self.setting.moved(at, dq))
-            if trial is not None and self.setting.keeps(trial, at) and self._better(trial, at):
+            trial = self._regained(self.setting.moved(at, dq), at)
+            if trial is not None and self._better(trial, at):
                 radius = 2 * radius if np.abs(dq).max() > 0.9 * radius else radius
                 at = trial
             else:
@@ -171,6 +189,19 @@ class _Walk:
         regained = replace(pose, c=np.zeros_like(pose.c))  # to 1e-11: what is left is not worth a displacement
         dq = solve_hierarchy([regained, *below], bounds, self.setting.backend)
         return np.zeros_like(at.q) if dq is None else dq
+
+    def _regained(self, trial: Configuration, at: Configuration) -> Configuration | None:
+        """A trial brought back onto the pose and within bent limits, kept as well as at a configuration; or None.
+
+        Along a bent limit every step leaves it by the second order.
+        """
+        for _ in range(REGAINING):
+            within = trial if self.setting.keeps(trial, at) else self.setting.robot.at(self.setting.admitted(trial.q))
+            back = self._restored(within)
+            if back is None or self.setting.keeps(back, at):
+                return back
+            trial = back
+        return None
 
     def _restored(self, at: Configuration) -> Configuration | None:
         return _restored(self.cost, at, self.setting, self.budget, self.reached)
