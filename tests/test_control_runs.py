@@ -290,7 +290,7 @@ def test_among_broken_margins_no_pair_comes_nearer(name, acceleration, rng):
         for _ in range(60):
             run.tick(target)
             now = distances(run.q)
-            assert (now >= np.minimum(before, 0.05) - (1e-9 if acceleration is None else 1e-6)).all()
+            assert (now >= np.minimum(before, 0.05) - 1e-9).all()
             before = now
         ended += (before < 0.05).sum()
     assert ended < begun

@@ -41,11 +41,16 @@ class Bounds:
     """(m,)"""
     broken: tuple[np.ndarray, np.ndarray] | None = None
     """G (k, n) and h (k,) < 0 of the rows that are broken already: what it would take to keep them"""
+    braking: np.ndarray | None = None
+    """The displacement (n,) that is `rest` where that is not the one nearest to none"""
 
     @property
     def rest(self) -> np.ndarray:
-        """The displacement (n,) nearest to none that the box allows: none, or to brake, or to come back."""
-        return np.clip(0.0, self.lower, self.upper)
+        """The displacement (n,) nearest to none that the box allows: none, or to brake, or to come back.
+
+        Where rows let joints that cannot stop at once only slow down together, that.
+        """
+        return np.clip(0.0, self.lower, self.upper) if self.braking is None else self.braking
 
     @property
     def held(self) -> np.ndarray:
@@ -217,4 +222,21 @@ def merge(limits: Sequence[Limit], at: Configuration, tick: Tick | None = None) 
         return bounds
     out = bounds.h < 0
     broken = (bounds.G[out], bounds.h[out]) if out.any() else None
-    return replace(bounds, h=np.maximum(np.maximum(bounds.h, 0.0), bounds.G @ bounds.rest), broken=broken)
+    kept, braking = np.maximum(bounds.h, 0.0), None
+    over = float((bounds.G @ bounds.rest - kept).max())
+    if over > 0 and tick is not None:
+        together = _slowed_together(bounds, tick.velocity * tick.dt)
+        if together is not None and float((bounds.G @ together - kept).max()) < over:
+            braking = together
+    bounds = replace(bounds, broken=broken, braking=braking)
+    return replace(bounds, h=np.maximum(kept, bounds.G @ bounds.rest))
+
+
+def _slowed_together(bounds: Bounds, ahead: np.ndarray) -> np.ndarray | None:
+    """The smallest share of the displacement `ahead` (n,) at the speed of now that the box allows; None for none."""
+    moves = ahead != 0
+    if not moves.any() or not ((bounds.lower <= 0) & (bounds.upper >= 0))[~moves].all():
+        return None
+    ends = np.stack([bounds.lower[moves], bounds.upper[moves]]) / ahead[moves]
+    share = max(0.0, float(ends.min(axis=0).max()))
+    return np.clip(share * ahead, bounds.lower, bounds.upper) if share <= ends.max(axis=0).min() else None

@@ -20,7 +20,7 @@ possible.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -115,7 +115,9 @@ def keeps_further_limits(
             return False
         if rows is not None and not (rows[0] @ dq <= rows[1]).all():
             return False
-    return not (setting.is_bent and _violations_ahead(setting.robot.at(ahead), dq, setting, now).any())
+    return not setting.is_bent or any(
+        not broken.any() for broken in _violations_ahead(setting.robot.at(ahead), dq, setting, now)
+    )
 
 
 def _back_inside(at: Configuration, setting: Setting, bounds: Bounds) -> list[_Model]:
@@ -240,7 +242,9 @@ def _safe(
     """The displacement (n,) with each level's part shortened until the true costs and the bent limits allow it."""
     dq = solved = bounds.rest
     there = at.moved(dq) if dq.any() else at
-    broken = np.maximum(setting.violations(at), _violations_ahead(there, dq, setting, now)) if setting.is_bent else None
+    broken = None
+    if setting.is_bent:
+        broken = np.maximum(setting.violations(at), min(_violations_ahead(there, dq, setting, now), key=np.sum))
     highest: list[float] = []  # what the levels so far may cost
     for k, displacement in enumerate(displacements):
         before = models[k].value(there)
@@ -273,7 +277,8 @@ def _brought_back(
     for _ in range(CORRECTIONS + 1):
         there = at.moved(dq)
         if (setting.violations(there) <= most).all():
-            return dq if (_violations_ahead(there, dq, setting, now) <= most).all() else None
+            ways = _violations_ahead(there, dq, setting, now)
+            return dq if any((broken <= most).all() for broken in ways) else None
         G, h = setting.rows_within(there, allowed)
         G, h = np.vstack([G, bounds.G]), np.concatenate([h - SAME, np.maximum(bounds.h - bounds.G @ dq, 0.0)])
         lower, upper = np.minimum(bounds.lower - dq, 0.0), np.maximum(bounds.upper - dq, 0.0)
@@ -284,19 +289,29 @@ def _brought_back(
     return None
 
 
-def _violations_ahead(at: Configuration, dq: np.ndarray, setting: Setting, now: Tick) -> np.ndarray:
+def _violations_ahead(at: Configuration, dq: np.ndarray, setting: Setting, now: Tick) -> Iterator[np.ndarray]:
     """By how much each part (k,) of the bent limits is broken where dq (n,) led to, and while the arm then brakes.
 
-    So a tick that is allowed leaves a way to stop that is allowed, and braking is always there to be chosen next.
+    First if each joint brakes as hard as it can, then if all slow down together, in a straight line of joint space: a
+    pair of bodies that one joint drives together and another apart does not come nearer if both slow down alike. So a
+    tick that is allowed leaves a way to stop that is allowed, and one of these is always there to be chosen next.
     """
-    worst, change, size = setting.violations(at), setting.robot.acceleration_limit * now.dt**2, np.abs(dq)
-    stop = np.floor(size / change)  # ticks in which a joint still moves
-    ticks = int(np.max(stop, initial=0.0))
-    for i in np.unique(np.linspace(0, ticks, GLANCES + 1).astype(int).clip(min=1))[: ticks + 1] if ticks else ():
-        braking = np.minimum(i, stop)
-        way = np.where(stop > 0, braking * (size - 0.5 * np.where(stop > 0, change, 0.0) * (braking + 1)), 0.0)
-        worst = np.maximum(worst, setting.violations(at.moved(np.sign(dq) * way)))
-    return worst
+    change, size = setting.robot.acceleration_limit * now.dt**2, np.abs(dq)
+    stop = size / change  # in ticks
+    ticks, whole = int(np.max(stop, initial=0.0)), np.floor(stop)
+    here = setting.violations(at)
+    if ticks == 0:
+        yield here
+        return
+    glances = np.unique(np.linspace(0, ticks, GLANCES + 1).astype(int).clip(min=1))
+    change = np.where(whole > 0, change, 0.0)
+    braking = [np.minimum(i, whole) for i in glances]
+    apart = [np.sign(dq) * np.where(k > 0, k * (size - 0.5 * change * (k + 1)), 0.0) for k in braking]
+    yield np.max([here, *(setting.violations(at.moved(way)) for way in apart)], axis=0)
+    together = [dq * (i - i * (i + 1) / (2 * np.max(stop))) for i in glances]
+    q = at.q + together[-1]
+    if (setting.robot.lower <= q).all() and (q <= setting.robot.upper).all():
+        yield np.max([here, *(setting.violations(at.moved(way)) for way in together)], axis=0)
 
 
 def split_equalities(level: LevelObjective) -> tuple[LevelObjective, ...]:
