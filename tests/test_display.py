@@ -10,7 +10,7 @@ from conftest import load
 
 import maira_qp as mq
 from maira_qp.display import Card, shortened
-from maira_qp.errors import MairaError
+from maira_qp.errors import MairaError, OptionError, PoseError
 
 MOST_LINES = 18
 
@@ -144,6 +144,27 @@ def test_values_go_through_json(maira, batch):
     assert pickle.loads(pickle.dumps(batch)).as_dict() == batch.as_dict()
     public = {name for name in vars(one) if not name.startswith("_")}
     assert public <= set(one.as_dict())
+
+
+def test_angles_in_degrees_are_hinted_at_where_they_come_in(maira, caplog):
+    """Nothing is converted: the pose is that of the radians."""
+    T = mq.pose([0.4, 0, 0.5], rpy=[0, 90, 0])
+    assert "rpy holds 90 rad; is it in degrees?" in caplog.text
+    np.testing.assert_allclose(T.rotation[0, 0], np.cos(90.0))
+    caplog.clear()
+    mq.pose([0.4, 0, 0.5], rpy=[0, np.pi, -6.2])
+    mq.Robot.iiwa14()
+    assert caplog.text == ""
+    mq.Robot.from_dh([mq.DHLink(kind="revolute", a=0.1, alpha=-90, lower=-3, upper=3)])
+    assert "the DH table holds 90 rad; is it in degrees?" in caplog.text
+    with pytest.raises(OptionError, match="is it in degrees"):
+        maira.limited(upper={"joint2": 90})
+
+
+@pytest.mark.parametrize("target", [[0.4, 0.2, 0.5], ([0.4, 0.2, 0.5], [0, 1, 0, 0]), np.zeros(7)])
+def test_what_is_no_pose_is_told_how_to_make_one(maira, target):
+    with pytest.raises(PoseError, match=r"mq\.pose\(\[x, y, z\], quaternion="):
+        mq.Solver(maira).solve(target)
 
 
 def test_a_target_in_millimetres_and_a_start_in_degrees_are_hinted_at(maira):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,9 @@ import pinocchio as pin
 from maira_qp.arrays import real_array
 from maira_qp.errors import PoseError
 from maira_qp.orientation import ORTHONORMAL_WITHIN, exact_rotation, matrix_from_quaternion, rigid
+from maira_qp.robots.unit_hints import degrees_hint_of_angles
+
+log = logging.getLogger(__name__)
 
 
 def pose(
@@ -46,7 +50,11 @@ def pose(
     elif quaternion is not None:
         R = matrix_from_quaternion(_unit_quaternion(quaternion, project))
     elif rpy is not None:
-        R = pin.rpy.rpyToMatrix(real_array(rpy, (3,), "rpy", PoseError))
+        angles = real_array(rpy, (3,), "rpy", PoseError)
+        hint = degrees_hint_of_angles(angles, "rpy")
+        if hint:
+            log.warning(hint)
+        R = pin.rpy.rpyToMatrix(angles)
     else:
         R = np.eye(3)
     return pin.SE3(exact_rotation(R, "matrix", project=project), p)
@@ -54,6 +62,12 @@ def pose(
 
 def as_pose(target: Any, *, project: bool = False) -> pin.SE3:
     """A checked `pin.SE3` from a `pin.SE3` or a 4x4 array. Raises `PoseError`."""
+    size = len(target) if isinstance(target, (list, tuple)) or getattr(target, "ndim", 0) == 1 else 4
+    if size in (2, 3, 7):  # a position, with a quaternion or without
+        raise PoseError(
+            "a target is a pose, a pin.SE3 or a (4, 4) array: mq.pose([x, y, z], quaternion=[w, x, y, z]); "
+            "of a task of the position alone, mq.PositionTask(), too: mq.pose([x, y, z])"
+        )
     T = rigid(target.homogeneous if isinstance(target, pin.SE3) else target, "target", project=project)
     return pin.SE3(T[:3, :3].copy(), T[:3, 3].copy())
 

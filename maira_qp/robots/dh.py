@@ -7,6 +7,7 @@ This is the second opinion that the Pinocchio model is tested against, and all t
 
 from __future__ import annotations
 
+import logging
 import math
 import sys
 from collections.abc import Iterable, Mapping
@@ -23,11 +24,14 @@ from maira_qp.errors import ConfigurationError, RobotError, listed, shown
 from maira_qp.orientation import orientation_error
 from maira_qp.regular_files import read_text
 from maira_qp.robots.plain_yaml import plain_yaml
+from maira_qp.robots.unit_hints import degrees_hint_of_angles
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports]
+
+log = logging.getLogger(__name__)
 
 JointKind = Literal["revolute", "prismatic", "continuous", "fixed"]
 KINDS: tuple[str, ...] = ("revolute", "prismatic", "continuous", "fixed")
@@ -138,6 +142,9 @@ class DHTable:
         lower = np.array([link.lower for link in moving], dtype=float)
         upper = np.array([link.upper for link in moving], dtype=float)
         lower.flags.writeable = upper.flags.writeable = False
+        hint = degrees_hint_of_angles([angle for link in made for angle in (link.alpha, link.theta)], "the DH table")
+        if hint:
+            log.warning("%s: %s", name, hint)
         for key, value in {"links": made, "name": name, "joint_names": names, "lower": lower, "upper": upper}.items():
             object.__setattr__(self, key, value)
 

@@ -13,6 +13,7 @@ import numpy as np
 from maira_qp.arrays import real_array
 from maira_qp.errors import OptionError, listed
 from maira_qp.robots.dh import DHTable
+from maira_qp.robots.unit_hints import degrees_hint_of_angles
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,12 @@ class JointLimits:
         speed = self._values(velocity, "velocity", self.velocity)
         change = self._values(acceleration, "acceleration", self.acceleration)
         room = self._values(margin, "margin", np.zeros(len(self.joint_names)))
-        self._refuse(ends[0] < self.lower, "the lower limit {} would loosen that of {}", ends[0], self.lower)
-        self._refuse(ends[1] > self.upper, "the upper limit {} would loosen that of {}", ends[1], self.upper)
+        self._refuse(
+            ends[0] < self.lower, f"the lower limit {{}} would loosen that of {{}}{_hint(ends[0])}", ends[0], self.lower
+        )
+        self._refuse(
+            ends[1] > self.upper, f"the upper limit {{}} would loosen that of {{}}{_hint(ends[1])}", ends[1], self.upper
+        )
         self._refuse(~(speed > 0), "the velocity limit must be positive, got {}", speed)
         self._refuse(speed > self.velocity, "the velocity limit {} would loosen that of {}", speed, self.velocity)
         self._refuse(~(change > 0), "the acceleration limit must be positive, got {}", change)
@@ -122,3 +127,9 @@ def limited_urdf(urdf: str, limits: JointLimits) -> str:
         for limit in joint.findall("limit"):
             limit.attrib |= {key: repr(float(value)) if math.isfinite(value) else "0" for key, value in keys.items()}
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _hint(limits: np.ndarray) -> str:
+    """What is behind limits (n,) that look like degrees; those that are infinite aside."""
+    hint = degrees_hint_of_angles(limits[np.isfinite(limits)], "the limit")
+    return f". {hint}" if hint else ""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, Protocol
 
 import numpy as np
-
-from maira_qp.robots.robot import Robot
 
 FAR, NEAR = 10.0, 10.0
 """A position farther than so many lengths of the arm is hinted at if, as millimetres, it is within so many."""
@@ -14,7 +13,21 @@ TURN = 2 * np.pi
 """Angles up to this [rad] are common in radians."""
 
 
-def millimetres_hint(p: Any, robot: Robot) -> str:
+class Arm(Protocol):
+    """What is asked of a `Robot`, which makes use of this module itself."""
+
+    length: float
+    lower: np.ndarray
+    upper: np.ndarray
+    slides: np.ndarray
+
+    @property
+    def joint_names(self) -> Sequence[str]:
+        """n names."""
+        ...
+
+
+def millimetres_hint(p: Any, robot: Arm) -> str:
     """A sentence if a position (3,) [m] looks like millimetres to an arm of that length, else nothing."""
     away = float(np.linalg.norm(p))
     if not FAR * robot.length < away <= 1e3 * NEAR * robot.length:
@@ -25,13 +38,13 @@ def millimetres_hint(p: Any, robot: Robot) -> str:
     )
 
 
-def millimetres_hint_of_many(p: np.ndarray, robot: Robot) -> str:
+def millimetres_hint_of_many(p: np.ndarray, robot: Arm) -> str:
     """The sentence for the farthest of positions (N, 3) [m], those aside that are not finite."""
     known = p[np.isfinite(p).all(axis=1)]
     return millimetres_hint(known[np.linalg.norm(known, axis=1).argmax()], robot) if len(known) else ""
 
 
-def degrees_hint(q: np.ndarray, robot: Robot, what: str) -> str:
+def degrees_hint(q: np.ndarray, robot: Arm, what: str) -> str:
     """A sentence if joint values (n,) look like degrees: beyond the limits, a turn and more, but within as degrees."""
     turning = np.flatnonzero(~robot.slides)
     values, lower, upper = q[turning], robot.lower[turning], robot.upper[turning]

@@ -366,9 +366,10 @@ class BatchSolution(_OfRobot):
 
     def _card(self) -> Card:
         counts = Counter(Status(value).name for value in self.status.tolist())
-        reach = [f"{100 * self.success.mean():.4g} % of the targets are reached"] if len(self) else []
+        plural = "" if len(self) == 1 else "s"
+        reach = [f"{100 * self.success.mean():.4g} % reached"] if len(self) else []
         return Card(
-            title=f"BatchSolution: {', '.join([f'{len(self)} targets', *reach])}",
+            title=f"BatchSolution: {', '.join([f'{len(self)} target{plural}', *reach])}",
             facts=(
                 ("status", ", ".join(f"{count} {name}" for name, count in counts.most_common())),
                 ("position error [m]", _spread(self.position_error)),
