@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from enum import IntEnum
 from xml.etree import ElementTree
 
 import numpy as np
@@ -79,7 +80,10 @@ def test_names_are_escaped_in_html_and_lose_their_middle_in_text():
 
 
 def test_a_status_prints_its_name_and_counts_as_its_number(batch):
-    assert str(mq.Status.CONVERGED) == f"{mq.Status.CONVERGED}" == "CONVERGED"
+    enums = [value for value in vars(mq).values() if isinstance(value, type) and issubclass(value, IntEnum)]
+    assert mq.Status in enums
+    for member in (member for enum in enums for member in enum):
+        assert str(member) == f"{member}" == member.name
     assert f"{mq.Status.NEAREST:>9}|{mq.Status.NEAREST:d}" == "  NEAREST|2"
     assert [str(one.status) for one in batch] == ["CONVERGED", "UNREACHABLE", "CONVERGED"]
     assert mq.Status.UNREACHABLE == 1
