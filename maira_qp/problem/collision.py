@@ -24,7 +24,7 @@ import numpy as np
 
 from maira_qp.arrays import real_array
 from maira_qp.errors import OptionError, listed
-from maira_qp.problem.limits import Limit, Tick
+from maira_qp.problem.limits import KEPT, Limit, Tick
 from maira_qp.robots.collision.levers import levers
 from maira_qp.robots.collision.link_shapes import link_shapes
 from maira_qp.robots.collision.pairs import NamePair, always_near, movable_pairs, named_pairs, srdf_pairs, without
@@ -34,6 +34,8 @@ from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
 
 ALLOWED = ("adjacent", "sampled")
+DIFFERENCE = 1e-4
+"""Step [rad or m] of differences of gradients, which are known to the tolerance of distances."""
 ACTIVE_WITHIN = 1e-6
 """How near to the margin a pair counts as standing on it [m]."""
 
@@ -178,6 +180,16 @@ class CollisionLimit(Limit):
         """The pair of each row (m,)."""
         return self._near(at).pairs
 
+    def broken(self, at: Configuration, name: str) -> dict[str, float]:
+        """The pairs nearer than the margin, such as "link2 - ball", and what is missing of it [m]."""
+        found: dict[str, float] = {}
+        contacts = self._near(at)
+        for pair, missing in zip(contacts.pairs, self.margin - contacts.distances, strict=True):
+            if missing > KEPT:
+                names = " - ".join(self._names(pair))
+                found[names] = max(float(missing), found.get(names, 0.0))
+        return found
+
     def active(self, at: Configuration) -> list[str]:
         """The pairs at the margin, or nearer, such as "link2 - ball"."""
         return list(dict.fromkeys(name for name, _ in self.touching(at)[0]))
@@ -209,8 +221,29 @@ class CollisionLimit(Limit):
         across = point + distance * contacts.normals[index]
         return Contact(*self._names(contacts.pairs[index]), distance, point, across)
 
+    def curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
+        """By differences of the gradients of pairs that count; zero for a pair that is far at a step to either side."""
+        counted = np.flatnonzero(multipliers)
+        if not len(counted):
+            return np.zeros((at.n, at.n))
+        pairs, weights = self._near(at).pairs[counted], multipliers[counted]
+        C = np.zeros((at.n, at.n))
+        for j, dq in enumerate(DIFFERENCE * np.eye(at.n)):
+            for sign in (1.0, -1.0):
+                beside = self.scene.contacts(at.q + sign * dq, self.margin + self.influence)
+                row = dict(zip(beside.pairs.tolist(), beside.gradients, strict=True))
+                for pair, weight in zip(pairs.tolist(), weights, strict=True):
+                    if pair in row:
+                        C[:, j] -= sign * weight * row[pair] / (2 * DIFFERENCE)
+        return 0.5 * (C + C.T)
+
     def _near(self, at: Configuration) -> Contacts:
-        return self.scene.contacts(at.q, self.margin + self.influence)
+        """The pairs nearer than `margin + influence`, kept for a configuration."""
+        kept = at.kept.get((id(self.scene), "near"))
+        if kept is None:
+            found = self.scene.contacts(at.q, self.margin + self.influence)
+            kept = at.kept[id(self.scene), "near"] = (self.scene, found)
+        return kept[1]
 
     def _names(self, pair: int) -> tuple[str, str]:
         first, second = self.scene.pairs[pair]

@@ -32,6 +32,10 @@ class Cost(Protocol):
         """The cost."""
         ...
 
+    def gradient(self, at: Configuration) -> np.ndarray:
+        """Its gradient (n,)."""
+        ...
+
     def level(self, at: Configuration) -> Level:
         """Its convex quadratic model."""
         ...
@@ -46,6 +50,11 @@ class TaskCost:
     def value(self, at: Configuration) -> float:
         """Half of the squared weighted error."""
         return 0.5 * sum(float(r @ r) for r in (task.weighted_error(at) for task in self.tasks))
+
+    def gradient(self, at: Configuration) -> np.ndarray:
+        """Gradient (n,)."""
+        A, r = self.rows(at)
+        return -(A.T @ r)
 
     def level(self, at: Configuration) -> Level:
         """Gauss-Newton."""
@@ -103,6 +112,10 @@ class ExactTaskCost:
     def value(self, at: Configuration) -> float:
         """That of the tasks."""
         return self.tasks.value(at)
+
+    def gradient(self, at: Configuration) -> np.ndarray:
+        """That of the tasks (n,)."""
+        return self.tasks.gradient(at)
 
     def level(self, at: Configuration) -> Level:
         """Newton, its Hessian made positive by the size of its eigenvalues."""
@@ -167,6 +180,10 @@ class WeightedCost:
     def value(self, at: Configuration) -> float:
         """The sum."""
         return self.tasks.value(at) + self.weight * self.objective.cost(at)
+
+    def gradient(self, at: Configuration) -> np.ndarray:
+        """Gradient (n,) of the sum."""
+        return self.tasks.gradient(at) + self.weight * self.objective.gradient(at)
 
     def level(self, at: Configuration) -> Level:
         """One QP, the objective's rows beside the pose's.

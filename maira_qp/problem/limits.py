@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,6 +15,12 @@ from maira_qp.robots.robot import Robot
 
 FEASIBILITY = 1e-11
 """How far [rad or m] a displacement may overstep a limit before it is shortened; what remains is clipped."""
+
+KEPT = 1e-9
+"""A row broken by no more than this, in its own unit, is kept: the rest is rounding."""
+
+DIFFERENCE = 1e-5
+"""Step [rad or m] of differences of rows."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +76,10 @@ class Bounds:
 class Limit:
     """One kind of limit. A limit of one's own overrides what it needs of these."""
 
+    is_linear: ClassVar[bool] = False
+    """Whether the rows hold for every displacement, so that one that keeps them keeps the limit; False: to first order
+    only, as is safe for any limit."""
+
     def of(self, robot: Robot) -> Limit:
         """The limit with everything that depends on the robot filled in and checked. Raises `OptionError`."""
         return self
@@ -83,8 +93,32 @@ class Limit:
         return None
 
     def violation(self, at: Configuration) -> float:
-        """By how much the configuration breaks a limit whose rows hold to first order only; >= 0."""
-        return 0.0
+        """By how much the configuration breaks the limit; >= 0."""
+        rows = self.rows(at, None)
+        return 0.0 if rows is None else max(0.0, -float(np.min(rows[1], initial=0.0)))
+
+    def curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
+        """Second derivative (n, n) of the rows, weighted: `sum_k multipliers_k dG_k/dq`; multipliers (m,).
+
+        By differences of the rows of no tick; zero where their number changes.
+        """
+        if self.is_linear:
+            return np.zeros((at.n, at.n))
+        C = np.zeros((at.n, at.n))
+        for j, dq in enumerate(DIFFERENCE * np.eye(at.n)):
+            ahead, back = (self.rows(at.moved(way), None) for way in (dq, -dq))
+            if ahead is None or back is None or not len(ahead[1]) == len(back[1]) == len(multipliers):
+                return np.zeros((at.n, at.n))
+            C[:, j] = multipliers @ (ahead[0] - back[0]) / (2 * DIFFERENCE)
+        return 0.5 * (C + C.T)
+
+    def broken(self, at: Configuration, name: str) -> dict[str, float]:
+        """What of the limit, called `name`, the configuration breaks, and by how much; empty where it is kept."""
+        rows = self.rows(at, None)
+        h = np.empty(0) if rows is None else rows[1]
+        out = np.flatnonzero(h < -KEPT)
+        found = {f"{name} row {i + 1}" if len(h) > 1 else name: -float(h[i]) for i in out}
+        return found or ({name: violation} if (violation := self.violation(at)) > KEPT else {})
 
     def violations(self, at: Configuration) -> np.ndarray:
         """The same for each part of the limit (k,), at all configurations as many: a tick lets none grow."""
@@ -182,6 +216,7 @@ class LinearLimit(Limit):
 
     A: Any
     b: Any
+    is_linear: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         A = real_array(self.A, (None, None), "A of a LinearLimit", OptionError)
@@ -200,8 +235,10 @@ class LinearLimit(Limit):
         return self.A, self.b - self.A @ at.q
 
 
-def merge(limits: Sequence[Limit], at: Configuration, tick: Tick | None = None) -> Bounds:
+def merge(limits: Sequence[Limit], at: Configuration, tick: Tick | None = None, reserve: float = 0.0) -> Bounds:
     """The limits at a configuration as one `Bounds`, which always admits its `rest`.
+
+    Of limits that are not linear the rows keep back a `reserve` [in their unit].
 
     Each box is clipped into the ones that come later in the list, so the merged box is never empty: with position
     between acceleration and velocity, a joint outside its limits comes back at its limit speed, and one that is too
@@ -216,7 +253,7 @@ def merge(limits: Sequence[Limit], at: Configuration, tick: Tick | None = None) 
             lower, upper = np.clip(lower, *box), np.clip(upper, *box)
         if (rows := limit.rows(at, tick)) is not None:
             G.append(rows[0])
-            h.append(rows[1])
+            h.append(rows[1] if limit.is_linear or not reserve else rows[1] - reserve)
     bounds = Bounds(lower, upper, np.vstack(G), np.concatenate(h))
     if not len(bounds.h):
         return bounds

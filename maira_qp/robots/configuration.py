@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -37,7 +38,7 @@ class Configuration:
         self.q.setflags(write=False)
         self._placements: dict[int, pin.SE3] = {}
         self._jacobians: dict[int, np.ndarray] = {}
-        self.kept: dict[tuple[int, str], tuple[object, np.ndarray]] = {}
+        self.kept: dict[tuple[int, str], tuple[object, Any]] = {}
         """What others computed for this q, by the id of the object that it belongs to, which is kept alive with it."""
 
     @property

@@ -25,6 +25,12 @@ from maira_qp.solvers.setting import Setting
 ACCEPTED, REFUSED = 0.3, 8.0
 """What an accepted and a refused step do to the damping factor."""
 
+ALONG = 1e-9
+"""A step that leaves no more of a row of the linearised limits goes along it."""
+
+CORRECTIONS = 2
+"""Second-order corrections of a step along limits: in a flat valley what one leaves is worth more than the step."""
+
 FACTOR_RANGE = (1e-6, 1e12)
 LEAST_DAMPING = 1e-9
 """Floor of mu as a share of the largest entry of H: below it backends take H for singular."""
@@ -64,6 +70,16 @@ class Descent:
     cost: float
     reached: bool
     """The caller's criterion was met."""
+    broken: float = 0.0
+    """Half the sum of squares of what it breaks of further limits; 0 where they are kept"""
+
+    def is_better_than(self, other: Descent | None) -> bool:
+        """It is what the caller looks for, or else breaks limits less, or else costs less."""
+        return other is None or self._rank < other._rank
+
+    @property
+    def _rank(self) -> tuple[bool, float, float]:
+        return not self.reached, self.broken, self.cost
 
 
 class Stall:
@@ -90,19 +106,22 @@ def descend(
     max_iterations: int,
     stall: Stall | None = None,
 ) -> Descent:
-    """Lower the cost from a start until `reached`, or stalled, or out of iterations or time, or at a fixed point."""
+    """Lower the cost from a start until `reached`, or stalled, or out of iterations or time, or at a fixed point.
+
+    No step breaks a limit, or breaks one further; to come back within limits is `Setting.admitted`'s.
+    """
     at, factor = start, 1.0
     level = cost.level(at)
     budget.visit(at)
     for _ in range(max_iterations):
         if reached(at):
-            return Descent(at, level.cost, True)
+            return Descent(at, level.cost, True, setting.broken(at))
         if budget.late():
             break
         budget.iterations += 1
-        trial = _trial(level, factor, at, setting)
+        trial = _trial(cost, level, factor, at, setting)
         value = np.inf if trial is None else cost.value(trial)
-        if trial is not None and value < level.cost:
+        if trial is not None and value - level.cost < _recovered(level, trial, at, setting):
             before, at = level.cost, trial
             level = cost.level(at)
             budget.visit(at)
@@ -115,17 +134,34 @@ def descend(
             factor *= REFUSED
             if factor > FACTOR_RANGE[1]:
                 break
-    return Descent(at, level.cost, reached(at))
+    return Descent(at, level.cost, reached(at), setting.broken(at))
 
 
-def _trial(level: Level, factor: float, at: Configuration, setting: Setting) -> Configuration | None:
+def _recovered(level: Level, trial: Configuration, at: Configuration, setting: Setting) -> float:
+    """What a trial may cost as it gives back of the limits' reserve: the exact penalty of what is taken of it.
+
+    A configuration in the reserve would else cost less than any that keeps it. (Nocedal and Wright, section 15.4.)
+    """
+    if not setting.is_bent:
+        return 0.0
+    taken = setting.encroachment(at) - setting.encroachment(trial)
+    return 2.0 * float(np.linalg.norm(level.c)) * taken
+
+
+def _trial(cost: Cost, level: Level, factor: float, at: Configuration, setting: Setting) -> Configuration | None:
     """The configuration after one QP step, inside the limits; None if there is none."""
     least = LEAST_DAMPING * float(np.abs(level.H).max())
     mu = factor * setting.options.damping * level.squared_error + max(1.0, factor) * least
-    dq = solve_hierarchy([level.damped(mu)], setting.bounds(at), setting.backend)
+    model, bounds = level.damped(mu), setting.bounds(at)
+    dq = solve_hierarchy([model], bounds, setting.backend)
     if dq is None:
         return None
     trial = setting.moved(at, dq)
+    if setting.is_bent and (bounds.G @ dq >= bounds.h - ALONG).any():
+        # second-order corrections: along a curved limit a step leaves it, to either side, and may cost more than it
+        # gains (the Maratos effect: Nocedal and Wright, section 18.3)
+        for _ in range(CORRECTIONS):
+            trial = setting.best_within(model.H, cost.gradient(trial), trial) or trial
     if not setting.keeps(trial, at):  # a bent limit: along it, and back onto it
         trial = setting.robot.at(setting.admitted(trial.q))
     return trial if setting.keeps(trial, at) else None

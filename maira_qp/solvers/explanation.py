@@ -72,6 +72,18 @@ class ActivePair:
     """What the minimised cost would fall by [per m] if they could be nearer; 0 where they are in nobody's way"""
 
 
+@dataclass(frozen=True)
+class BrokenLimit:
+    """A limit beside those of the joints that no configuration was found to keep."""
+
+    name: str
+    """Such as "link5 - table" """
+    amount: float
+    """By how much the answer breaks it"""
+    unit: str
+    """Of `amount`: "m" for a pair of bodies, whose margin is meant; "" where it is the limit's own"""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Explanation(Shown):
     """Why a solve ended as it did; `str()` says it in words."""
@@ -96,6 +108,8 @@ class Explanation(Shown):
     """`Weighted` holds the tool off a pose that can be reached"""
     hints: tuple[str, ...] = ()
     """What looks like another unit than metres and radians, a sentence each"""
+    broken: tuple[BrokenLimit, ...] = ()
+    """What the answer breaks, the worst first: for `LIMITS_BROKEN`"""
 
     def as_dict(self) -> dict[str, Any]:
         """As plain values that `json.dumps` takes, the words with them; None for numbers that are not known."""
@@ -106,6 +120,7 @@ class Explanation(Shown):
             "orientation_error": self.orientation_error,
             "limits": [asdict(limit) for limit in self.limits],
             "pairs": [asdict(pair) for pair in self.pairs],
+            "broken": [asdict(limit) for limit in self.broken],
             "blocked": self.blocked,
             "is_reached_without": self.is_reached_without,
             "is_compromise": self.is_compromise,
@@ -143,6 +158,8 @@ class Explanation(Shown):
 
 def explain(priorities: Priorities, targets: Targets, solution: Solution, setting: Setting) -> Explanation:
     """Of a solution of these tasks toward these targets."""
+    if solution.status is Status.LIMITS_BROKEN:
+        return _of_broken_limits(solution, setting)
     robot, question = setting.robot, _Question(priorities, targets, setting, solution.q)
     force = _force(priorities, targets, robot.at(solution.q), solution)
     least = 10 * setting.options.stationarity_tolerance
@@ -182,6 +199,28 @@ def explain(priorities: Priorities, targets: Targets, solution: Solution, settin
         proof=solution.proof,
         is_compromise=weighs and question.solved_without([]).success,
         hints=solution.hints,
+    )
+
+
+def _of_broken_limits(solution: Solution, setting: Setting) -> Explanation:
+    """Where no configuration keeps the limits nothing was minimised that others could hold up."""
+    at = setting.robot.at(solution.q)
+    collisions = [limit.broken(at, "") for limit in setting.further if isinstance(limit, CollisionLimit)]
+    broken = [
+        BrokenLimit(name, amount, "m" if any(name in pairs for pairs in collisions) else "")
+        for name, amount in solution.broken_limits.items()
+    ]
+    return Explanation(
+        status=solution.status,
+        position_error=solution.position_error,
+        orientation_error=solution.orientation_error,
+        limits=(),
+        pairs=(),
+        blocked=np.zeros(6),
+        is_reached_without=False,
+        proof=None,
+        is_compromise=False,
+        broken=tuple(broken),
     )
 
 
@@ -275,6 +314,11 @@ def _sentences(why: Explanation) -> Iterator[str]:
 
 
 def _reasons(why: Explanation) -> Iterator[str]:
+    if why.status is Status.LIMITS_BROKEN:
+        broken = " and ".join(f"{one.name} by {_amount(one.amount, one.unit)}" for one in why.broken)
+        yield f"No configuration was found that keeps the limits beside those of the joints: this one breaks {broken}."
+        yield f"It is {_off(why)} away from the target."
+        return
     if why.status is Status.CONVERGED:
         yield "The target is reached."
     elif why.is_compromise:
@@ -350,7 +394,9 @@ def _way(displacement: np.ndarray) -> str:
 
 
 def _amount(value: float, unit: str) -> str:
-    """A length or an angle in the unit that people use."""
+    """A length or an angle in the unit that people use, or a number of no known unit."""
+    if not unit:
+        return f"{value:.3g}"
     if unit == "rad":
         return f"{math.degrees(value):.3g} degrees"
     return f"{value:,.0f} m" if value >= 1000 else f"{value:.3g} m" if value >= 1 else f"{1e3 * value:.3g} mm"

@@ -96,13 +96,13 @@ class General:
             if first.best.reached or budget.late():
                 return first
         found = screen(self.screening, row, cost, self.setting, budget, rng, reached)
-        nearer = first is not None and not found.best.reached and first.best.cost < found.best.cost
+        nearer = first is not None and not found.best.is_better_than(first.best)
         return Search(first.best, found.restarts, found.proved) if first is not None and nearer else found
 
     def _unwound(self, best: Descent, sought: TaskCost) -> Descent:
         """The same with each joint at the whole turn nearest to the posture, where what was sought is reached there."""
         at = self.setting.robot.at(self.priorities.turns.within(best.at.q[None])[0])
-        is_there = best.reached and self.reached(sought)(at) and self.setting.breach(at) == 0.0
+        is_there = best.reached and self.reached(sought)(at) and not self.setting.broken(at)
         return Descent(at, sought.value(at), True) if is_there else best
 
     def finish(self, q: np.ndarray, outcome: list[float], targets: Targets) -> Solution:
@@ -123,13 +123,13 @@ class General:
         return self._proofs is not None and self._proofs.proof(targets) is not None
 
     def reached(self, cost: TaskCost) -> Reached:
-        """Whether a configuration counts as there: the tasks within their tolerances, and bent limits kept."""
+        """Whether a configuration counts as there: the tasks within their tolerances, and further limits kept."""
         options = self.setting.options
 
         def reached(at: Configuration) -> bool:
             position, orientation = residual(cost, at)
             near = position <= options.position_tolerance and orientation <= options.orientation_tolerance
-            return near and not (self.setting.is_bent and self.setting.violation(at))
+            return near and not self.setting.broken(at)
 
         return reached
 
@@ -146,7 +146,9 @@ class General:
         """From what the search found: the redundancy's optimum or the nearest point, and the verdict."""
         setting, tolerance = self.setting, self.setting.options.stationarity_tolerance
         at, gradient = found.best.at, math.nan
-        if not found.best.reached:
+        if found.best.broken:
+            pass  # nothing was minimised but what is broken
+        elif not found.best.reached:
             at = nearest(cost, found.best, setting, budget).at
             gradient = stationarity(cost, at, setting)
         elif wish is not None:
@@ -157,6 +159,7 @@ class General:
         position, orientation = residual(cost, fresh)
         optimal = gradient <= tolerance or (success and wish is None)
         stalled = Status.UNREACHABLE if found.proved else Status.NEAREST if optimal else Status.BUDGET_SPENT
+        stalled = Status.LIMITS_BROKEN if setting.broken(fresh) else stalled
         return Solution(
             q=fresh.q.copy(),
             success=success,

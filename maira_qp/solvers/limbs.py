@@ -75,7 +75,7 @@ def search_limbs(
     whole = reached_of(cost)
     if len(limbs) < 2:
         return search(cost, q0, setting, budget, rng, whole, max_restarts, is_hopeless)
-    q = random_start(cost, setting, rng()).q if q0 is None else q0
+    q = random_start(cost, setting, rng(), budget).q if q0 is None else q0
     restarts = 0
     for limb in limbs:
         part = replace(setting, start_range=tuple(np.where(limb.joints, end, q) for end in setting.start_range))
@@ -93,4 +93,4 @@ def search_limbs(
 def _ended(q: np.ndarray, cost: TaskCost, setting: Setting, reached: Reached) -> Descent:
     """A descent that ended at q (n,)."""
     at = setting.robot.at(q)
-    return Descent(at, cost.value(at), reached(at))
+    return Descent(at, cost.value(at), reached(at), setting.broken(at))

@@ -2,8 +2,8 @@
 
 The compiled search finds a configuration that reaches the pose in microseconds, but knows the limits of the joints
 alone. So it solves from many random starts, and each solution is looked at, those nearest to the posture that is wished
-for first: the first that keeps the further limits is the answer. If none does, descents within all limits begin at the
-solutions that break them least.
+for first: the first that keeps the further limits is the answer. If none does, descents within all limits begin at what
+is near the solutions that break them least and keeps them; and, where nothing is, at random configurations that do.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from maira_qp.problem.costs import TaskCost
 from maira_qp.robots.configuration import Configuration
 from maira_qp.solvers.compiled import Compiled
 from maira_qp.solvers.descent import Budget, Descent
-from maira_qp.solvers.search import Search, attempt_from
+from maira_qp.solvers.search import Search, attempt_from, search
 from maira_qp.solvers.setting import Setting
 
 DESCENTS = 8
@@ -44,20 +44,25 @@ def screen(
     arrived = np.flatnonzero(outcome[:, SUCCESS] > 0.0)
     for k in arrived[np.argsort(engine.wish(q[arrived]), kind="stable")]:
         at = robot.at(q[k])
-        breaches[k] = setting.breach(at)
+        breaches[k] = setting.broken(at)
         if breaches[k] == 0.0 and reached(at):
             return Search(Descent(at, cost.value(at), True), int(k))
         if budget.late():
             break
     proved = not np.isfinite(breaches).any() and bool(engine.proofs.unreachable(row[None])[0])
     # where nothing reaches the pose: from where it is nearest
-    order = np.lexsort((outcome[:, FINAL_COST], breaches))[: 1 if proved else DESCENTS]
+    order = np.lexsort((outcome[:, FINAL_COST], breaches))
+    is_nearest = proved and not setting.broken(robot.at(q[order[0]]))
+    order = order[: 1 if is_nearest else DESCENTS]
     best: Descent | None = None
     for k in order:
         descent = attempt_from(robot.at(setting.admitted(q[k])), cost, setting, budget, reached)
-        if best is None or descent.reached or descent.cost < best.cost:
+        if descent.is_better_than(best):
             best = descent
         if descent.reached or budget.late():
             break
     assert best is not None
+    if best.broken and not budget.late():
+        elsewhere = search(cost, None, setting, budget, lambda: rng, reached, max_restarts=DESCENTS).best
+        best = elsewhere if elsewhere.is_better_than(best) else best
     return Search(best, len(q) - 1, proved)

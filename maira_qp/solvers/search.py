@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from maira_qp.problem.costs import Cost, ExactTaskCost, TaskCost
-from maira_qp.problem.hierarchy import projected_gradient
+from maira_qp.problem.hierarchy import Level, positive_part, projected_gradient
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
 from maira_qp.solvers.descent import Budget, Descent, Stall, descend
@@ -28,8 +28,8 @@ Reached = Callable[[Configuration], bool]
 HEAD = 64
 """After so many restarts without success it is worth a few milliseconds to see whether the target is out of reach."""
 
-DRAWS = 10
-"""Times that candidates for a start are drawn before one outside bent limits is taken."""
+DRAWS = 5
+"""Times that candidates for a start are drawn before one outside limits that are not linear is taken."""
 
 
 @dataclass(frozen=True)
@@ -72,15 +72,17 @@ def search(
             start = setting.robot.at(q0)
         else:
             stream = stream or rng()
-            start = random_start(cost, setting, stream)
+            start = random_start(cost, setting, stream, budget)
         descent = attempt_from(start, cost, setting, budget, reached)
-        if best is None or descent.reached or descent.cost < best.cost:
+        if descent.is_better_than(best):
             best = descent
         late = budget.late()
-        over = attempt == last or late
+        shut_out = descent.broken > 0.0 and (attempt > 0 or q0 is None)  # no random start could be brought within
+        over = attempt == last or late or shut_out
         asks = not (descent.reached or late) and (attempt == HEAD or (over and attempt < HEAD))
         proved = asks and is_hopeless is not None and is_hopeless()
         if descent.reached or over or proved:
+            assert best is not None
             log.debug("search: reached=%s after %d restarts, cost %.3g", best.reached, attempt, best.cost)
             return Search(best, attempt, proved)
         attempt += 1
@@ -93,25 +95,37 @@ def attempt_from(
     budget: Budget,
     reached: Callable[[Configuration], bool],
 ) -> Descent:
-    """One descent, given up where it stalls."""
+    """One descent, given up where it stalls; none from outside the limits, where nothing is near that keeps them."""
+    broken = setting.broken(start)
+    if broken:
+        return Descent(start, cost.value(start), False, broken)
     options = setting.options
     stall = Stall(options.stall_steps, options.stall_ratio)
     return descend(cost, start, setting, budget, reached=reached, max_iterations=options.max_iterations, stall=stall)
 
 
-def random_start(cost: TaskCost, setting: Setting, stream: np.random.Generator) -> Configuration:
+def random_start(cost: TaskCost, setting: Setting, stream: np.random.Generator, budget: Budget) -> Configuration:
     """The best by cost of a few random configurations within the limits.
 
-    Where bent limits leave so little that none of them is within, a few more are drawn.
+    What is drawn outside limits that are not linear is brought within them only where nothing is drawn inside, one
+    after the other and the best by cost first; where so many draws lead to none, what breaks them least is taken.
     """
     robot, least = setting.robot, None
     for _ in range(DRAWS if setting.is_bent else 1):
         drawn = [setting.random_start(stream) for _ in range(setting.options.start_candidates)]
-        candidates = [robot.at(setting.admitted(q)) for q in drawn]
-        within = [at for at in candidates if not setting.violation(at)] if setting.is_bent else candidates
+        if not setting.is_bent:
+            return min((robot.at(setting.admitted(q)) for q in drawn), key=cost.value)
+        candidates = [robot.at(q) for q in drawn]
+        within = [at for at in candidates if not setting.broken(at)]
         if within:
             return min(within, key=cost.value)
-        least = min(candidates if least is None else [least, *candidates], key=setting.violation)
+        for outside in sorted(candidates, key=cost.value):
+            at = robot.at(setting.admitted(outside.q))
+            if not setting.broken(at):
+                return at
+            least = at if least is None else min(least, at, key=setting.broken)
+            if budget.late():
+                return least
     assert least is not None
     return least
 
@@ -122,7 +136,7 @@ def nearest(cost: TaskCost, descent: Descent, setting: Setting, budget: Budget) 
     `reached` of the result says that it is stationary: the projected gradient is below its tolerance.
     """
     return descend(
-        ExactTaskCost(cost),
+        _WithinLimits(cost, setting),
         descent.at,
         setting,
         budget,
@@ -131,8 +145,30 @@ def nearest(cost: TaskCost, descent: Descent, setting: Setting, budget: Budget) 
     )
 
 
+@dataclass(frozen=True)
+class _WithinLimits:
+    """The tasks alone, with the exact Hessian of their Lagrangian where limits that are not linear hold them up."""
+
+    tasks: TaskCost
+    setting: Setting
+
+    def value(self, at: Configuration) -> float:
+        """That of the tasks."""
+        return self.tasks.value(at)
+
+    def gradient(self, at: Configuration) -> np.ndarray:
+        """That of the tasks (n,)."""
+        return self.tasks.gradient(at)
+
+    def level(self, at: Configuration) -> Level:
+        """Newton, its Hessian made positive by the size of its eigenvalues."""
+        model = self.tasks.level(at)
+        H = ExactTaskCost(self.tasks).hessian(at) + self.setting.curvature(at, model.c)
+        return replace(model, H=positive_part(H))
+
+
 def stationarity(cost: Cost, at: Configuration, setting: Setting) -> float:
     """Largest entry of the cost's gradient that no limit holds up, relative to the error where that is large."""
     level = cost.level(at)
-    left = projected_gradient(level.c, (), setting.bounds(at), setting.backend)
+    left = projected_gradient(level.c, (), setting.standing(at), setting.backend)
     return left / max(1.0, float(np.sqrt(level.squared_error)))

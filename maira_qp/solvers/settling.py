@@ -224,7 +224,7 @@ class _Walk:
 
     def _projected_gradient(self, at: Configuration, priority: int) -> float:
         """Largest entry of an objective's gradient that the limits, the pose and the objectives above leave free."""
-        bounds = self.setting.bounds(at)
+        bounds = self.setting.standing(at)
         above = strict_levels(self.cost.level(at), self.cost, self.objectives[:priority], at, bounds.held)
         return projected_gradient(self.objectives[priority].gradient(at), above, bounds, self.setting.backend)
 

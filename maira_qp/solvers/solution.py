@@ -52,6 +52,8 @@ class Status(NamedEnum):
     """Not at the pose, but at a point that no small motion within the limits brings nearer to it."""
     BUDGET_SPENT = 3
     """Neither: the restarts, the iterations or the deadline ran out first."""
+    LIMITS_BROKEN = 5
+    """No configuration was found that keeps the limits beside those of the joints: see `broken_limits`."""
 
     @property
     def meaning(self) -> str:
@@ -64,6 +66,7 @@ _MEANINGS = {
     Status.UNREACHABLE: "no configuration within the limits reaches the pose (proved)",
     Status.NEAREST: "the pose was not reached; this is a nearest point (stationary within the limits)",
     Status.BUDGET_SPENT: "the budget was spent before the pose was reached or a nearest point found",
+    Status.LIMITS_BROKEN: "no configuration within the further limits was found; this one breaks them",
 }
 
 
@@ -88,6 +91,7 @@ class _OfRobot(_OfSetting):
 
     condition_number: Any
     active_limits: Any
+    broken_limits: Any
 
     def __getstate__(self) -> dict[str, Any]:
         own = {name: getattr(self, name) for name in _OF_ROBOT}
@@ -99,7 +103,7 @@ class _OfRobot(_OfSetting):
         return {name: plain(getattr(self, name)) for name in (*_VALUES, *_OF_ROBOT)}
 
 
-_OF_ROBOT = ("joint_names", "q_units", "condition_number", "active_limits")
+_OF_ROBOT = ("joint_names", "q_units", "condition_number", "active_limits", "broken_limits")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -153,6 +157,7 @@ class Solution(_OfRobot):
                 ("condition number", f"{self.condition_number:.4g}"),
                 ("cost", f"{self.cost:.6g}{'' if self.optimal else ', not optimal'}" if np.isfinite(self.cost) else ""),
                 ("active limits", ", ".join(self.active_limits)),
+                ("broken limits", ", ".join(f"{name} by {x:.3g}" for name, x in self.broken_limits.items())),
                 ("hint", " ".join(self.hints)),
             ),
             entries=joint_entries(self.joint_names, numbers),
@@ -172,6 +177,14 @@ class Solution(_OfRobot):
     def active_limits(self) -> list[str]:
         """Limits that `q` stands on, such as "joint4 upper", and pairs at their margin, such as "link5 - table" """
         return active_limits(self._setting, self.q)  # type: ignore[arg-type]
+
+    @cached_property
+    def broken_limits(self) -> dict[str, float]:
+        """What `q` breaks of the limits beside those of the joints, such as "link5 - table", and by how much.
+
+        In the unit of the limit, for pairs of bodies what is missing of the margin [m]. Empty but for `LIMITS_BROKEN`.
+        """
+        return broken_limits(self._setting, self.q)  # type: ignore[arg-type]
 
     @cached_property
     def proof(self) -> Proof | None:
@@ -304,6 +317,12 @@ class BatchSolution(_OfRobot):
         for i in np.flatnonzero(on_a_limit.any(axis=1)):
             names[i] = active_limits(setting, self.q[i])
         return names
+
+    @cached_property
+    def broken_limits(self) -> list[dict[str, float]]:
+        """N mappings"""
+        setting: Setting = self._setting  # type: ignore[assignment]
+        return [broken_limits(setting, q) for q in self.q] if setting.further else [{} for _ in self.q]
 
     @staticmethod
     def blank(setting: Setting, backend: str, count: int, asked: tuple[Priorities, np.ndarray]) -> BatchSolution:
@@ -496,6 +515,12 @@ def _spread(values: np.ndarray) -> str:
     """The median and the largest of numbers (N,), those aside that are not known."""
     known = values[np.isfinite(values)]
     return f"median {np.median(known):.3g}, largest {known.max():.3g}" if len(known) else ""
+
+
+def broken_limits(setting: Setting, q: np.ndarray) -> dict[str, float]:
+    """What q (n,) breaks of the limits beside those of the joints, the worst first; nothing where q is NaN."""
+    broken = setting.broken_limits(setting.robot.at(q)) if np.isfinite(q).all() else {}
+    return dict(sorted(broken.items(), key=lambda item: -item[1]))
 
 
 def active_limits(setting: Setting, q: np.ndarray) -> list[str]:

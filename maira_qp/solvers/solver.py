@@ -103,7 +103,7 @@ class Solver(Shown):
             backend = Backend("daqp" if backend in (None, "compiled") else backend)
         further = tuple(limit.of(robot) for limit in limits)
         self._setting = Setting(robot, further, self._priorities.turns.window, backend, options)
-        self._setting.admitted(robot.middle)  # the limits leave something
+        self._setting.check()
         self._general = General(self._priorities, self._setting, self._compiled, screening)
 
     @property

@@ -24,6 +24,7 @@ REMARKS = {
     "nearest": "NEAREST: a nearest point, not at the pose",
     "budget_spent": "BUDGET_SPENT: neither reached nor a nearest point",
     "unreachable": "UNREACHABLE: proved",
+    "limits_broken": "LIMITS_BROKEN: no configuration within the further limits was found",
     "without_pose": "rows without a pose (an empty cell, or not finite)",
     "first_not_solved": "the first that is not solved",
     "starts_moved_onto_limits": "starts outside the joint limits, moved onto them",

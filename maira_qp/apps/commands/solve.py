@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from maira_qp.solvers.solution import Solution
     from maira_qp.solvers.solutions import Solutions
 
-VERDICTS = {"CONVERGED": 0, "NEAREST": 1, "UNREACHABLE": 3, "BUDGET_SPENT": 4}
+VERDICTS = {"CONVERGED": 0, "NEAREST": 1, "UNREACHABLE": 3, "BUDGET_SPENT": 4, "LIMITS_BROKEN": 6}
 """Exit codes by the name of the status."""
 
 UNBOUNDED = 100_000
@@ -34,7 +34,8 @@ UNBOUNDED = 100_000
 @dataclass(frozen=True, kw_only=True)
 class Solve:
     """Joint values that put the tool at a pose, inside the joint limits. The exit code is the verdict: 0 solved; 1 a
-    nearest point; 3 proved to be out of reach; 4 the budget was spent; 2 misuse.
+    nearest point; 3 proved to be out of reach; 4 the budget was spent; 6 no configuration
+    within further limits was found; 2 misuse.
 
     With --all every solution, the best first: those of all branches, of a redundant arm the best of each arc or, where
     it is not known in closed form, the local optima that were found.

@@ -40,6 +40,6 @@ def reach_slice(ax: Axes, x: np.ndarray, y: np.ndarray, status: np.ndarray, *, a
 
 def verdicts(status: np.ndarray) -> np.ndarray:
     """REACHED, UNREACHABLE or OPEN for each status (...)."""
-    kinds = np.full(len(Status), OPEN)
+    kinds = np.full(max(Status) + 1, OPEN)
     kinds[Status.CONVERGED], kinds[Status.UNREACHABLE] = REACHED, UNREACHABLE
     return kinds[np.asarray(status)]

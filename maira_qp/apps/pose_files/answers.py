@@ -22,7 +22,8 @@ NUMBERS = ("position_error", "orientation_error", "iterations", "restarts", "con
 COLUMNS = ("success", "status", *NUMBERS, "active_limits")
 REMARKS = ("optimal", "start_projected")
 """Fields of a batch that are summed up and not written."""
-STATUS_NAMES = np.array([status.name for status in sorted(Status)], dtype=object)
+STATUS_NAMES = np.full(max(Status) + 1, None, dtype=object)
+STATUS_NAMES[list(Status)] = [status.name for status in Status]
 
 
 def columns(batches: Iterable[BatchSolution]) -> dict[str, np.ndarray]:

@@ -51,6 +51,8 @@ def reason(verdict: Verdict) -> str:
         return verdict.solution.status.meaning
     if why.is_compromise:
         return "the pose can be reached, but the weight of the posture holds the tool off it"
+    if why.broken:
+        return str(why)
     what = why.status.meaning if why.proof is None else f"proved out of reach: {why.proof.words}"
     return f"{what}. {_limits(why)}"
 
@@ -127,7 +129,10 @@ def _headline(view: View) -> str:
     name, colour, full = standing.value, _COLOURS_OF_STANDING[standing], ""
     if standing is Standing.ANSWERED and verdict is not None:
         status = verdict.solution.status
-        name, colour = status.name.replace("_", " "), BAD if status is Status.UNREACHABLE else POOR
+        name, colour = (
+            status.name.replace("_", " "),
+            BAD if status in (Status.UNREACHABLE, Status.LIMITS_BROKEN) else POOR,
+        )
         full = "" if verdict.reason is None else escape(str(verdict.reason))
     badge = f'<b style="color:{colour}">{name}</b>'
     words = f'<small style="overflow-wrap:anywhere" title="{full}">{escape(sentence(view))}</small>'
