@@ -31,6 +31,7 @@ from maira_qp.problem.hierarchy import Level, null_space, positive_part, solve_e
 from maira_qp.problem.limits import Bounds, Tick, braking_displacement
 from maira_qp.problem.qp import QP
 from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.tasks.limit import LimitTask
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.robots.configuration import Configuration
 from maira_qp.solvers.descent import LEAST_DAMPING
@@ -87,7 +88,7 @@ def tick(
     if keep_direction:
         first = LevelObjective(cost, _weighted(redundancy))
         models = [*_directed(first, at, now), *models[len(split_equalities(first)) :]]
-    models = [*_back_inside(at, setting, bounds), *models]
+    models = [*_back_inside(at, setting, bounds), *_bent_along_wishes(models, cost, at, setting)]
     levels = [model.level for model in models]
     if np.isfinite(robot.acceleration_limit).any():
         levels = _slowed(levels, at, setting, now)
@@ -159,6 +160,16 @@ def _models(
             level = _of_tasks(level, model.pull(at), objective.tasks, at, setting, now)
         models.append(_Model(objective.cost, level))
     return models
+
+
+def _bent_along_wishes(models: list[_Model], cost: TaskCost, at: Configuration, setting: Setting) -> list[_Model]:
+    """The models, with the curvature of limits that are wishes of the first level where these hold up a lower one."""
+    limits = tuple(task.limit for task in cost.tasks if isinstance(task, LimitTask))
+    if not limits:
+        return models
+    wished = replace(setting, further=limits)
+    bent = [replace(m.level, H=m.level.H + wished.curvature(at, m.level.c)) for m in models[1:]]
+    return [models[0], *(replace(m, level=level) for m, level in zip(models[1:], bent, strict=True))]
 
 
 def _weighted(redundancy: Weighted | Strict | None) -> tuple[ObjectiveTask, ...]:
