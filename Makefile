@@ -2,6 +2,9 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
+# Tests of kernels that are run once more as Numba compiles them without the project's own passes, kernels/parts.py.
+WITHOUT_PASSES := tests/test_kernels_rigid.py tests/test_kernels_random_numbers.py tests/test_kernels_qp.py
+
 .PHONY: demo test lint examples clean
 
 demo: .venv/.ready ## solve random poses with both redundancy methods and the plain reference, compare them
@@ -10,6 +13,7 @@ demo: .venv/.ready ## solve random poses with both redundancy methods and the pl
 test: .venv/.ready ## run the tests, and those of the kernels again as plain Python, where an index out of bounds is an error
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist loadgroup
 	OMP_NUM_THREADS=1 NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n auto tests/test_kernels_*.py
+	OMP_NUM_THREADS=1 MAIRA_QP_INLINE=0 $(BIN)/python -m pytest -q -n 0 $(WITHOUT_PASSES)
 
 lint: .venv/.ready ## style, types, and the import contract
 	$(BIN)/ruff check .

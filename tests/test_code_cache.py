@@ -268,6 +268,7 @@ def test_an_edit_of_an_inner_kernel_is_never_missed(start, package, tmp_path):
     (package / "inner.py").write_text(INNER)
     assert start().communicate() == ("3.0 1\n", "")
     assert start(NUMBA_OPT="1").communicate() == ("3.0 0\n", announced)
+    assert start(MAIRA_QP_INLINE="0").communicate() == ("3.0 0\n", announced)
 
 
 def test_processes_that_compile_at_the_same_time(start, tmp_path):

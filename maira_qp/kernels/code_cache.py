@@ -33,6 +33,8 @@ from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
+from maira_qp.kernels.parts import INLINE
+
 log = logging.getLogger(__name__)
 
 SETTINGS = (
@@ -84,6 +86,7 @@ KEY = hashlib.sha256(
             sys.implementation.cache_tag,
             sys.version_info[:3],
             [getattr(config, name, None) for name in SETTINGS],
+            INLINE,
         )
     ).encode()
 ).hexdigest()[:16]

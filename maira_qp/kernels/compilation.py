@@ -10,7 +10,7 @@ import numpy as np
 from numba import config, njit
 
 from maira_qp.kernels.code_cache import CodeCache
-from maira_qp.kernels.parts import EntryCompiler, part
+from maira_qp.kernels.parts import INLINE, EntryCompiler, part
 
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
 
@@ -31,20 +31,21 @@ def bare_kernel(function: Callable) -> Any:
 
 def inner_kernel(function: Callable) -> Any:
     """A bare kernel that other kernels alone call, as they do all whose names begin with an underscore."""
-    return _silent(function) if config.DISABLE_JIT else part(function, OPTIONS | {"_nrt": False})
+    return _compiled(function, is_inner=True, _nrt=False)
 
 
-def _compiled(function: Callable, **options: Any) -> Any:
+def _compiled(function: Callable, *, is_inner: bool = False, **options: Any) -> Any:
     """What Python calls, and what takes its place in other kernels; each is compiled when it is first called."""
     if config.DISABLE_JIT:
         return _silent(function)
-    inner = part(function, OPTIONS | options)
-    if function.__name__.startswith("_"):
+    options |= OPTIONS
+    inner = part(function, options) if INLINE else njit(**options)(function)
+    if is_inner or function.__name__.startswith("_"):
         return inner
-    options |= OPTIONS | {"pipeline_class": EntryCompiler}
-    entry: Any = njit(**options)(function)
+    entry: Any = njit(**options, pipeline_class=EntryCompiler)(function) if INLINE else inner
     entry._cache = CodeCache(function)
-    entry.get_call_template, entry.get_overload = inner.get_call_template, inner.get_overload
+    if INLINE:
+        entry.get_call_template, entry.get_overload = inner.get_call_template, inner.get_overload
     return entry
 
 
