@@ -26,6 +26,7 @@ from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from maira_qp.robots.dh import DHLink, DHTable
 from maira_qp.robots.robot import Robot
+from maira_qp.solvers.ahead import compile
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step
 from maira_qp.solvers.solutions import ListedSolution, Solutions
@@ -73,6 +74,7 @@ __all__ = [
     "Task",
     "Tick",
     "Weighted",
+    "compile",
     "errors",
     "pose",
     "pose_error",

@@ -47,6 +47,10 @@ class BackendError(MairaError):
     """A QP backend is unknown or not installed; the message lists those that are."""
 
 
+class CompilationError(MairaError):
+    """Kernels cannot be compiled ahead of their use: there is no folder to keep them in."""
+
+
 class SensitivityError(MairaError):
     """An answer has no derivative by its target, or none that is known: not optimal, singular, of another problem."""
 

@@ -6,9 +6,16 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from compiled_problems import arm, compiled, configurations, reachable_rows, search_for
+from numba import config
 
 import maira_qp as mq
+from maira_qp.kernels.box_qp import solve_box_qp
+from maira_qp.kernels.parts import INLINE
+from maira_qp.solvers import ahead
+from maira_qp.solvers.ahead import JOBS, VERBS, jobs
+from maira_qp.solvers.targets import rows_of
 
 
 def answers() -> np.ndarray:
@@ -46,3 +53,58 @@ def test_plain_python_gives_the_answers_of_compiled_code(tmp_path):
     found, expected = np.load(file), answers()
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
     assert 0 < expected[:, 7].sum() < len(expected)
+
+
+def kernel_answers() -> np.ndarray:
+    """Numbers of kernels that call others: exact rows of poses, Jacobians, and the solution of a box QP."""
+    rng, robot = np.random.default_rng(5), mq.Robot.maira()
+    q = configurations(robot, rng, 5)
+    rows = rows_of(np.array([robot.forward(each).homogeneous for each in q]))
+    root, x = rng.normal(size=(7, 7)), np.empty(7)
+    memory = np.empty((7, 7)), np.empty(7, np.int64), np.empty(7, np.int64), np.empty(7)
+    assert solve_box_qp(root @ root.T, 9.0 * rng.normal(size=7), np.full(7, -1.0), np.full(7, 0.5), *memory, x)
+    assert (x == 0.5).any()
+    return np.concatenate([rows.ravel(), robot.jacobians(q).ravel(), x])
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
+def test_without_our_own_passes_the_compiler_gives_the_same_answers(tmp_path):
+    """To rounding: how parts are put together may decide what is contracted."""
+    here = Path(__file__).parent
+    script = "import numpy, test_compilation as twin; numpy.save('answers.npy', twin.kernel_answers())"
+    run(
+        script,
+        tmp_path,
+        MAIRA_QP_INLINE="0" if INLINE else "1",
+        PYTHONPATH=os.pathsep.join(map(str, (here, here.parent))),
+    )
+    np.testing.assert_allclose(np.load(tmp_path / "answers.npy"), kernel_answers(), rtol=0, atol=1e-12)
+
+
+def test_only_what_an_arm_and_its_solver_need_is_compiled(maira, ur5):
+    """The closed form for S-R-S arms, what settles for a redundancy; unknown verbs are refused with the valid ones."""
+    assert list(jobs(None, VERBS)) == list(JOBS)
+    assert list(jobs(maira, ["step"])) == ["step"]
+    assert set(JOBS) - set(jobs(ur5, VERBS)) == {"closed_form", "best_swivel", "nearest_in_closed_form"}
+    assert set(JOBS) - set(jobs(mq.Solver(maira), VERBS)) == {"settle", "settle_alone", "trade_off", "best_swivel"}
+    assert set(JOBS) - set(jobs(mq.Solver(maira, redundancy=mq.Strict(mq.Posture())), VERBS)) == {"trade_off"}
+    with pytest.raises(mq.errors.OptionError, match="did you mean 'solve'"):
+        mq.compile(verbs=["slove"])
+    with pytest.raises(mq.errors.OptionError, match="processes"):
+        mq.compile(processes=0)
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
+def test_jobs_are_run_in_processes_and_counted(monkeypatch, tmp_path):
+    """What a job says as it fails is passed on, and without a folder nothing is begun."""
+    monkeypatch.setattr(ahead, "jobs", lambda *_: iter(["small", "small"]))
+    counts = []
+    mq.compile(progress=lambda *count: counts.append(count))
+    assert counts == [(0, 2), (1, 2), (2, 2)]
+    monkeypatch.setattr(ahead, "jobs", lambda *_: iter(["none of them"]))
+    with pytest.raises(mq.errors.CompilationError, match="KeyError: 'none of them'"):
+        mq.compile()
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "file"))
+    with pytest.raises(mq.errors.CompilationError, match="NUMBA_CACHE_DIR"):
+        mq.compile()

@@ -15,6 +15,7 @@ import maira_qp
 from maira_qp.apps.commands.bench import Bench
 from maira_qp.apps.commands.cache import Cache
 from maira_qp.apps.commands.compare import Compare
+from maira_qp.apps.commands.compile import Compile
 from maira_qp.apps.commands.doctor import Doctor
 from maira_qp.apps.commands.fk import Fk
 from maira_qp.apps.commands.plot import Pictures, Plot
@@ -46,6 +47,7 @@ Command = (
     | Annotated[Plot, tyro.conf.subcommand("plot")]
     | Annotated[View, tyro.conf.subcommand("view")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
+    | Annotated[Compile, tyro.conf.subcommand("compile")]
     | Annotated[Cache, tyro.conf.subcommand("cache")]
 )
 

@@ -1,0 +1,34 @@
+"""`maira-qp compile`: all machine code ahead of its first use."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compile:
+    """Compile the engine ahead of its first use, in parallel processes; what is compiled already is left as it is."""
+
+    verbs: tuple[Literal["solve", "solve_batch", "solutions", "step"], ...] = (
+        "solve",
+        "solve_batch",
+        "solutions",
+        "step",
+    )
+    """What will be called."""
+    processes: int | None = None
+    """Processes at a time; none: one for each processor."""
+
+    def run(self) -> int:
+        """Compiles, with a progress bar on a terminal; always 0."""
+        from maira_qp.apps.commands.output import console, progress_bar
+        from maira_qp.kernels import code_cache
+        from maira_qp.solvers import ahead
+
+        with progress_bar("compiling") as progress:
+            ahead.compile(verbs=self.verbs, processes=self.processes, progress=progress)
+        files = [file for file in code_cache.kept() if file.parent.name == code_cache.KEY]
+        size = sum(file.stat().st_size for file in files) / 1e6
+        console().print(f"{len(files)} files, {size:.1f} MB, in {', '.join(sorted({str(f.parent) for f in files}))}")
+        return 0

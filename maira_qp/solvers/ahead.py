@@ -1,0 +1,193 @@
+"""Compile kernels ahead of their first use, several at a time, each in a process of its own.
+
+A job brings the engine to call one of its large kernels, on a small problem with the arrays that it makes for any
+other: what a kernel is compiled for does not depend on the robot, so built-in arms stand for all.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from math import pi
+
+import numpy as np
+
+from maira_qp.errors import CompilationError, OptionError, listed
+from maira_qp.problem.objectives import Posture
+from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.robots.dh import DHLink, JointKind
+from maira_qp.robots.robot import Robot
+from maira_qp.robots.srs import SRS
+from maira_qp.solvers.solver import Solver
+from maira_qp.solvers.targets import SEED_0, rows_of, streams
+
+VERBS = ("solve", "solve_batch", "solutions", "step")
+
+
+def compile(
+    robot_or_solver: Robot | Solver | None = None,
+    *,
+    verbs: Iterable[str] = VERBS,
+    processes: int | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> None:
+    """Compile all kernels that some verbs need, and keep them for every later process: see `maira-qp cache`.
+
+    For a robot only those that its kind of arm needs are compiled, for a solver those that its redundancy needs; None:
+    those for every arm and every redundancy. `verbs` are of "solve", "solve_batch", "solutions" and "step". `processes`
+    run at a time; None: as many as there are processors for this process. `progress` is called with the number of jobs
+    that are done and their total. What is compiled already costs the start of its process.
+
+    Raises `OptionError` for an unknown verb or no process, `CompilationError` where compiled code cannot be kept.
+    """
+    names = list(jobs(robot_or_solver, verbs))
+    workers = processes if processes is not None else len(os.sched_getaffinity(0))
+    if workers < 1:
+        raise OptionError(f"processes must be at least 1, not {processes}")
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        return
+    from maira_qp.kernels import code_cache  # heavy: Numba comes with it
+
+    if code_cache.writable() is None:
+        raise CompilationError("compiled code can be kept nowhere; set NUMBA_CACHE_DIR to a folder to write to")
+    if progress is not None:
+        progress(0, len(names))
+    with ThreadPoolExecutor(workers) as pool:
+        running = [pool.submit(_start, name) for name in names]
+        try:
+            for done, job in enumerate(as_completed(running), 1):
+                job.result()
+                if progress is not None:
+                    progress(done, len(names))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def jobs(robot_or_solver: Robot | Solver | None, verbs: Iterable[str]) -> Iterator[str]:
+    """The names of the jobs for some verbs, the longest first. Raises `OptionError` for an unknown verb."""
+    verbs = [verbs] if isinstance(verbs, str) else list(verbs)
+    for verb in verbs:
+        if verb not in VERBS:
+            raise OptionError(f"no verb {verb!r} to compile; {listed(VERBS, verb)}")
+    solver = robot_or_solver if isinstance(robot_or_solver, Solver) else None
+    robot = robot_or_solver.robot if isinstance(robot_or_solver, Solver) else robot_or_solver
+    is_srs = robot is None or (robot.is_chain and SRS.of(robot) is not None)
+    settles = solver is None or solver.redundancy is not None
+    searches = set(verbs) > {"step"} or "step" not in verbs
+    wanted = {
+        "step": "step" in verbs,
+        "settle": searches and settles,
+        "settle_alone": searches and settles,
+        "trade_off": searches and (solver is None or isinstance(solver.redundancy, Weighted)),
+        "closed_form": searches and is_srs,
+        "best_swivel": searches and settles and is_srs,
+        "nearest_in_closed_form": searches and is_srs,
+    }
+    yield from (name for name in JOBS if wanted.get(name, searches))
+
+
+def _start(name: str) -> None:
+    """Run a job in a process of its own. Raises `CompilationError`."""
+    code = f"import sys; sys.path[:] = {sys.path!r}; from maira_qp.solvers.ahead import JOBS; JOBS[{name!r}]()"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    if ran.returncode:
+        last = (ran.stderr.strip().splitlines() or [f"exit code {ran.returncode}"])[-1]
+        raise CompilationError(f"compiling {name} failed: {last}")
+
+
+def _six_axes(kind: JointKind = "revolute") -> Robot:
+    """An arm without a closed form here, its last joint of a kind."""
+    alpha, d, a = (pi / 2, 0, pi / 2, -pi / 2, pi / 2, 0), (0.4, 0.1, 0.05, 0.4, 0.07, 0.1), (0.1, 0.4, 0, 0.03, 0, 0)
+    links = [DHLink(a=a[i], alpha=alpha[i], d=d[i], lower=-3.0, upper=3.0) for i in range(5)]
+    return Robot.from_dh([*links, DHLink(kind=kind, a=a[5], alpha=alpha[5], d=d[5])])
+
+
+class _Problem:
+    """One target of an arm, as the stages of the compiled engine take it."""
+
+    def __init__(self, robot: Robot, redundancy: Strict | Weighted | None = None) -> None:
+        from maira_qp.solvers.compiled import OUTCOME, SETTLED, Asked  # heavy: Numba comes with it
+
+        self.solver = Solver(robot, redundancy=redundancy)
+        assert self.solver._compiled is not None
+        self.engine = self.solver._compiled
+        self.start = np.linspace(0.4, 0.9, robot.n)
+        self.target = robot.forward(self.start).homogeneous
+        self.q, self.outcome, self.after = self.start[None].copy(), np.zeros((1, OUTCOME)), np.zeros((1, SETTLED))
+        self.asked = Asked(rows_of(self.target[None]), np.empty((0, robot.n)), np.zeros(1, np.uint64), False)
+
+    def settle(self) -> None:
+        """Of a q that does not reach the pose, kernels do what they do where few targets lead."""
+        self.engine._settle(self.asked.rows, self.q, self.after)
+
+
+def _solve(robot: Robot) -> None:
+    problem = _Problem(robot)
+    problem.solver.solve(problem.target)
+
+
+def _step() -> None:
+    problem = _Problem(Robot.maira())
+    problem.solver.step(problem.start, problem.target, 0.01)
+
+
+def _best_swivel() -> None:
+    problem = _Problem(Robot.maira(), Strict(Posture()))
+    problem.engine._reach_near_posture(problem.asked.rows, problem.q, problem.outcome)
+
+
+def _settle(redundancy: Strict | Weighted, offset: float) -> None:
+    problem = _Problem(Robot.maira(), redundancy)
+    problem.q += offset
+    problem.settle()
+
+
+def _nearest() -> None:
+    problem = _Problem(_six_axes())
+    problem.engine._finish(problem.asked, problem.q, problem.outcome)
+
+
+def _nearest_in_closed_form() -> None:
+    problem = _Problem(Robot.maira())
+    problem.engine._approach_in_closed_form(problem.asked, np.array([0]), problem.q, problem.outcome)
+
+
+def _proofs() -> None:
+    for robot in (_six_axes(), Robot.maira()):
+        problem = _Problem(robot)
+        problem.engine.proofs.unreachable(problem.asked.rows)
+
+
+def _small() -> None:
+    """What takes a second or less each."""
+    from maira_qp.solvers.compiled import SUCCESS, unwind
+
+    problem = _Problem(_six_axes("continuous"), Weighted(Posture(), weight=1e-3))
+    turns, robot = problem.engine.turns, Robot.maira()
+    assert turns is not None
+    unwind(problem.engine.chain, turns.aim, problem.outcome[:, SUCCESS], problem.q)
+    streams(problem.asked.rows, SEED_0)
+    robot.jacobians(np.zeros((1, robot.n)))
+    srs = SRS.of(robot)
+    assert srs is not None
+    srs.joints[0].decompose(np.eye(3)[None])
+
+
+JOBS: dict[str, Callable[[], object]] = {
+    "step": _step,
+    "closed_form": lambda: _solve(Robot.maira()),
+    "search": lambda: _solve(_six_axes()),
+    "settle": lambda: _settle(Strict(Posture()), 0.0),
+    "best_swivel": _best_swivel,
+    "nearest_in_closed_form": _nearest_in_closed_form,
+    "settle_alone": lambda: _settle(Strict(Posture()), 0.3),
+    "trade_off": lambda: _settle(Weighted(Posture(), weight=1e-3), 0.0),
+    "nearest": _nearest,
+    "proofs": _proofs,
+    "small": _small,
+}
+"""What is compiled by itself, the longest first; what needs other kernels too comes after their jobs."""
