@@ -193,6 +193,22 @@ def test_all_shapes_of_a_link_are_read():
 
 
 @pytest.mark.parametrize(
+    ("geometry", "reach"),
+    [
+        ('<sphere radius="0"/>', 0.0),
+        ('<box size="0.2 0 0.4"/>', 0.1),
+        ('<cylinder radius="0.3" length="0"/>', 0.3),
+        ('<capsule radius="0.3" length="0.0"/>', 0.3),
+    ],
+)
+def test_a_link_shape_of_size_zero_is_a_point_a_sheet_or_a_ball(geometry, reach):
+    """A ball 2 m along x is as far as what is left of the shape says."""
+    robot = gantry(collision(geometry))
+    limit = CollisionLimit(obstacles=[Sphere(0.5, mq.pose([2, 0, 0]))], influence=20).of(robot)
+    assert limit.distance(robot.at(np.zeros(3))) == pytest.approx(1.5 - reach, abs=3 * THICKNESS)
+
+
+@pytest.mark.parametrize(
     ("text", "words"),
     [
         ("<collision/>", "no geometry; valid names: sphere"),

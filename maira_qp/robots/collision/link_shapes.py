@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.errors import MairaError, OptionError, RobotError, listed
+from maira_qp.robots.collision.meshes import THICKNESS
 from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from maira_qp.robots.robot import Robot
 from maira_qp.robots.rpy import matrix_from_rpy
@@ -59,19 +60,22 @@ def link_shapes(
 
 
 def shape_of(element: Element, link: str) -> Shape:
-    """The shape of a `<collision>` or `<visual>`, without its file. Raises `RobotError`; `OptionError` for sizes."""
+    """The shape of a `<collision>` or `<visual>`, without its file.
+
+    Sizes of zero, such as those of a sheet, become `THICKNESS`. Raises `RobotError`; `OptionError` for other sizes.
+    """
     geometry, origin = element.find("geometry"), element.find("origin")
     solid = next((part for part in geometry if part.tag in KINDS), None) if geometry is not None else None
     if solid is None:
         raise RobotError(f"it has no geometry; {listed(KINDS)}")
     pose = pin.SE3.Identity() if origin is None else _pose(origin)
     if solid.tag == "sphere":
-        return Sphere(_number(solid, "radius"), pose, name=link)
+        return Sphere(_size(solid, "radius"), pose, name=link)
     if solid.tag == "box":
-        return Box(_numbers(solid, "size"), pose, name=link)
+        return Box([size or THICKNESS for size in _numbers(solid, "size")], pose, name=link)
     if solid.tag in ("cylinder", "capsule"):
         kind = Cylinder if solid.tag == "cylinder" else Capsule
-        return kind(_number(solid, "radius"), _number(solid, "length"), pose, name=link)
+        return kind(_size(solid, "radius"), _size(solid, "length"), pose, name=link)
     if not solid.get("filename"):
         raise RobotError("its mesh names no file")
     return Mesh(solid.attrib["filename"], pose, _numbers(solid, "scale", "1 1 1"), name=link)
@@ -82,6 +86,11 @@ def _pose(origin: Element) -> pin.SE3:
     if len(xyz) != 3 or len(rpy) != 3:
         raise RobotError(f"xyz and rpy of its origin should be 3 numbers each, not {xyz} and {rpy}")
     return pin.SE3(matrix_from_rpy(np.array(rpy)), np.array(xyz))
+
+
+def _size(element: Element, key: str) -> float:
+    """A size [m], `THICKNESS` for zero."""
+    return _number(element, key) or THICKNESS
 
 
 def _number(element: Element, key: str) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from maira_qp.errors import OptionError
 
 THICKNESS = 1e-6
-"""What a flat mesh is thickened by [m]: `coal` needs a hull with an inside."""
+"""What a flat mesh, and a shape of a URDF with a size of zero, is thickened by [m]: `coal` needs an inside."""
 
 
 def find_mesh(filename: str | os.PathLike[str], directories: Iterable[str | os.PathLike[str]]) -> Path:
