@@ -294,3 +294,24 @@ def test_among_broken_margins_no_pair_comes_nearer(name, acceleration, rng):
             before = now
         ended += (before < 0.05).sum()
     assert ended < begun
+
+
+@pytest.mark.parametrize(("acceleration", "seed", "ticks"), [(None, 12, 60), (4.0, 21, 85)])
+def test_no_pair_comes_nearer_behind_one_that_is_deeper(acceleration, seed, ticks):
+    """Scenes in which pairs did, when what is broken was compared by its maximum."""
+    rng, obstacles, robot = np.random.default_rng(seed), [], mq.Robot.maira()
+    for _ in range(5):
+        p = rng.uniform(-0.8, 0.8, 3)
+        p[2] = rng.uniform(0.1, 1.3)
+        obstacles.append(mq.Sphere(float(rng.uniform(0.08, 0.2)), mq.pose(p)))
+    robot = robot if acceleration is None else robot.limited(acceleration=acceleration)
+    limit = mq.CollisionLimit(obstacles=obstacles, margin=0.05)
+    watch, solver = limit.of(robot), mq.Solver(robot, limits=[limit], redundancy=mq.Strict(mq.Posture()))
+    run = Run(robot, solver, robot.random_configuration(rng))
+    target = robot.forward(robot.random_configuration(rng))
+    before = watch.scene.contacts(run.q, np.inf).distances
+    for _ in range(ticks):
+        run.tick(target)
+        now = watch.scene.contacts(run.q, np.inf).distances
+        assert (now >= np.minimum(before, 0.05) - 1e-9).all()
+        before = now
