@@ -81,6 +81,46 @@ def test_without_our_own_passes_the_compiler_gives_the_same_answers(tmp_path):
     np.testing.assert_allclose(np.load(tmp_path / "answers.npy"), kernel_answers(), rtol=0, atol=1e-12)
 
 
+AHEAD = """
+import numpy as np
+import maira_qp as mq
+from conftest import load
+from maira_qp.kernels.code_cache import CodeCache
+from maira_qp.solvers.ahead import JOBS
+
+for job in JOBS.values():
+    job()
+find = CodeCache.load_overload
+def told(self, sig, context):
+    print("not ahead:", self._name, sig)
+    return find(self, sig, context)
+CodeCache.load_overload = told
+
+for robot in (mq.Robot.maira(), load("panda"), load("pr2_arm"), load("ur5")):
+    q = robot.lower.clip(-2) + 0.4 * (robot.upper.clip(max=2) - robot.lower.clip(-2))
+    near, far = robot.forward(q), robot.forward(q)
+    far.translation += 9.0
+    edge = robot.forward(np.zeros(robot.n)) if robot.n == 7 else near
+    for redundancy in (None, mq.Strict(mq.Posture()), mq.Weighted(mq.LimitDistance(), weight=1e-3)):
+        solver = mq.Solver(robot, redundancy=redundancy, options=mq.Options(max_restarts=3))
+        for target in (near, far, edge):
+            solver.solve(target)
+            solver.solve(target, q0=q, rng=7)
+        batch = solver.solve_batch([near, far, edge])
+        solver.solve_batch([near, far], q0=q, seed=3, threads=2)
+        batch[0].condition_number, batch.condition_number
+        solver.step(q, near, 0.01)
+    solver.solutions(near)
+"""
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
+def test_nothing_is_compiled_that_was_not_compiled_ahead(tmp_path):
+    """Of whatever an arm is asked once each job has run."""
+    here = Path(__file__).parent
+    assert run(AHEAD, tmp_path, PYTHONPATH=os.pathsep.join(map(str, (here, here.parent)))) == ""
+
+
 def test_only_what_an_arm_and_its_solver_need_is_compiled(maira, ur5):
     """The closed form for S-R-S arms, what settles for a redundancy; unknown verbs are refused with the valid ones."""
     assert list(jobs(None, VERBS)) == list(JOBS)

@@ -169,7 +169,9 @@ def _small() -> None:
     problem = _Problem(_six_axes("continuous"), Weighted(Posture(), weight=1e-3))
     turns, robot = problem.engine.turns, Robot.maira()
     assert turns is not None
-    unwind(problem.engine.chain, turns.aim, problem.outcome[:, SUCCESS], problem.q)
+    for rows in (1, 2):  # a column of one row is contiguous, which makes it another type
+        q, outcome = problem.q.repeat(rows, 0), problem.outcome.repeat(rows, 0)
+        unwind(problem.engine.chain, turns.aim, outcome[:, SUCCESS], q)
     streams(problem.asked.rows, SEED_0)
     robot.jacobians(np.zeros((1, robot.n)))
     srs = SRS.of(robot)
