@@ -18,7 +18,7 @@ arm, lower, upper = robot.dh, robot.lower, robot.upper
 solver = mq.Solver(robot, redundancy=mq.Strict(mq.LimitDistance()))
 point = mq.pose([0.526, 0.0, 0.78]).homogeneous
 rounded = [[0.997, 0.046, -0.063, 0.358], [-0.078, 0.527, -0.847, -0.484], [-0.006, 0.849, 0.528, 0.825], [0, 0, 0, 1]]
-target = mq.pose(matrix=rounded, project=True).homogeneous  # three decimals are not exactly a rotation
+target = mq.pose(matrix=rounded).homogeneous  # the rotation nearest to three decimals
 climb = partial(baselines.limit_distance_gradient, arm)  # away from the limits, for algorithm 3
 
 position_only = {

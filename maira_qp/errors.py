@@ -55,10 +55,10 @@ class SensitivityError(MairaError):
     """An answer has no derivative by its target, or none that is known: not optimal, singular, of another problem."""
 
 
-def listed(names: Iterable[str], wanted: str | None = None, limit: int = 40) -> str:
+def listed(names: Iterable[str], wanted: object = None, limit: int = 40) -> str:
     """Valid names as text for a message, the nearest to `wanted` first suggested, the list cut at `limit`."""
     names = list(names)
-    close = difflib.get_close_matches(wanted, names, n=1) if wanted else []
+    close = difflib.get_close_matches(wanted[:200], names, n=1) if isinstance(wanted, str) else []
     hint = f"did you mean {close[0]!r}? " if close else ""
     rest = f", ... ({len(names) - limit} more)" if len(names) > limit else ""
     return f"{hint}valid names: {', '.join(names[:limit])}{rest}"

@@ -5,35 +5,41 @@ from __future__ import annotations
 import os
 import stat
 from pathlib import Path
+from typing import BinaryIO
 
-from maira_qp.errors import MairaError
+from maira_qp.errors import MairaError, shown
 
 LARGEST_TABLE = 2 * 2**30
 """Largest file of poses, packed or unpacked [bytes]: some ten million of them."""
 
 
-def read_regular(path: str | os.PathLike[str], what: str, error: type[MairaError], largest: int) -> bytes:
-    """The content of a regular file of at most `largest` bytes; `what` it is, for the message. Raises `error`."""
+def open_regular(path: str | os.PathLike[str], what: str, error: type[MairaError], largest: int) -> BinaryIO:
+    """A regular file of at most `largest` bytes, open to be read; `what` it is, for the message. Raises `error`."""
+    if not isinstance(path, (str, os.PathLike)):
+        raise error(f"{what} must be a path, got {shown(path)}")
     name = os.fspath(path)
-    shown = f"{what} {name!r}" if len(name) <= 200 else f"{what} {name[:200]!r}..."
+    told = f"{what} {name!r}" if len(name) <= 200 else f"{what} {name[:200]!r}..."
     try:  # without O_NONBLOCK a pipe would wait for its writer
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except (OSError, ValueError) as reason:
-        raise error(f"cannot open {shown}: {getattr(reason, 'strerror', None) or reason}") from None
-    try:
-        status = os.fstat(descriptor)
-        if not stat.S_ISREG(status.st_mode):
-            raise error(f"{shown} is not a regular file")
-        if status.st_size > largest:
-            raise error(f"{shown} is larger than {_size(largest)}")
-        with os.fdopen(descriptor, "rb", closefd=False) as file:
+        raise error(f"cannot open {told}: {getattr(reason, 'strerror', None) or reason}") from None
+    status = os.fstat(descriptor)
+    if stat.S_ISREG(status.st_mode) and status.st_size <= largest:
+        return os.fdopen(descriptor, "rb")
+    os.close(descriptor)
+    wrong = f"larger than {_size(largest)}" if stat.S_ISREG(status.st_mode) else "not a regular file"
+    raise error(f"{told} is {wrong}")
+
+
+def read_regular(path: str | os.PathLike[str], what: str, error: type[MairaError], largest: int) -> bytes:
+    """The content of such a file. Raises `error`."""
+    with open_regular(path, what, error, largest) as file:
+        try:
             content = file.read(largest + 1)
-    except OSError as reason:
-        raise error(f"cannot read {shown}: {reason.strerror}") from None
-    finally:
-        os.close(descriptor)
+        except OSError as reason:
+            raise error(f"cannot read {what} {os.fspath(path)!r:.200}: {reason.strerror}") from None
     if len(content) > largest:  # it grew, or the system does not tell the sizes of such files
-        raise error(f"{shown} is larger than {_size(largest)}")
+        raise error(f"{what} {os.fspath(path)!r:.200} is larger than {_size(largest)}")
     return content
 
 

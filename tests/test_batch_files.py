@@ -82,7 +82,8 @@ def read(path):
         with np.load(path) as archive:
             return dict(archive)
     if path.suffix == ".parquet":
-        return {name: np.array(column) for name, column in parquet.read_table(path).to_pydict().items()}
+        columns = parquet.read_table(path).to_pydict().items()
+        return {name: np.array([np.nan if cell is None else cell for cell in column]) for name, column in columns}
     with open(path, newline="") as file:
         header, *rows = csv.reader(file)
     columns = zip(*rows, strict=True) if rows else [()] * len(header)
@@ -93,7 +94,7 @@ def _typed(column):
     if set(column) <= {"true", "false"}:
         return np.array([cell == "true" for cell in column])
     try:
-        return np.array(column, dtype=float)
+        return np.array([cell or "nan" for cell in column] if any(column) else column, dtype=float)
     except ValueError:
         return np.array(column)
 
@@ -281,7 +282,15 @@ def test_a_row_without_a_pose_spoils_only_itself(run, tmp_path, maira, asked, ki
     assert np.isnan(found["position_error"][bad]).all()
     assert np.isnan(found["orientation_error"][bad]).all()
     q = joint_values(found)
-    assert ((maira.lower <= q) & (q <= maira.upper)).all()
+    assert summary["invalid_target"] == 3
+    assert (found["status"][bad] == "INVALID_TARGET").all()
+    assert np.isnan(q[bad]).all()
+    if kind == "csv":
+        assert b",INVALID_TARGET,,,,,,,,,,,,,\n" in (tmp_path / "poses.solved.csv").read_bytes()
+    if kind == "parquet":
+        table = parquet.read_table(tmp_path / "poses.solved.parquet")
+        for name in ("position_error", "iterations", "condition_number", "q_joint1"):
+            assert table[name].null_count == 3
     np.testing.assert_array_equal(q[~bad], mq.Solver(maira).solve_batch(T).q[~bad])
     assert ("line 4" if kind == "csv" else "2 (counted from 0)") in summary["first_not_solved"]
 
@@ -361,7 +370,7 @@ def test_rounded_rotations_are_taken_on_purpose(run, tmp_path, maira, asked, mon
     monkeypatch.setattr(poses, "BLOCK", 4)
     T, _ = asked
     rounded = T.copy()
-    rounded[6, :3, :3] = T[6, :3, :3].round(3)
+    rounded[6, :3, :3] = T[6, :3, :3].round(2)
     wanted = mq.pose(matrix=rounded[6], project=True).homogeneous
     path = write(tmp_path / "matrix.csv", in_columns(rounded))
     message = misuse(run(path))
@@ -373,8 +382,8 @@ def test_rounded_rotations_are_taken_on_purpose(run, tmp_path, maira, asked, mon
     np.testing.assert_array_equal(q[:6], mq.Solver(maira).solve_batch(T).q[:6])
 
     columns = in_columns(T, "quaternion")
-    columns["qw"][6] *= 1.001
-    columns["qy"][6] += 0.01
+    for name in ("qw", "qx", "qy", "qz"):
+        columns[name][6] *= 1.01
     path = write(tmp_path / "quaternion.csv", columns)
     message = misuse(run(path))
     assert "line 8" in message

@@ -37,12 +37,36 @@ def test_rounding_below_1e_5_is_forgiven_and_gives_an_exact_rotation():
     assert np.abs(R - T[:3, :3]).max() < 1e-6
 
 
-def test_a_rounded_matrix_is_refused_with_its_deviation_and_the_way_out():
-    with pytest.raises(PoseError, match=r"not orthonormal.*= 0\.00\d+.*project=True"):
-        mq.pose(matrix=ROUNDED)
-    T = mq.pose(matrix=ROUNDED, project=True)
+def test_three_decimals_are_taken_as_the_nearest_rotation_and_it_is_logged(caplog, rng):
+    """The example of the lecture, and whatever is rounded: 1.8e-3 of a matrix and 1e-3 of a quaternion is the worst."""
+    caplog.set_level("INFO")
+    T = mq.pose(matrix=ROUNDED)
     assert np.abs(T.rotation @ T.rotation.T - np.eye(3)).max() < 4e-15
     assert np.abs(T.homogeneous - ROUNDED).max() < 2e-3
+    assert "the nearest rotation is taken" in caplog.text
+    for decimals in (3, 4, 7):
+        for _ in range(50):
+            R = pin.SE3.Random().rotation
+            exact = mq.pose(matrix=np.round(R, decimals)).rotation
+            assert np.abs(exact @ exact.T - np.eye(3)).max() < 4e-15
+            assert np.abs(exact - R).max() < 10.0**-decimals
+            q = rng.normal(size=4)
+            q /= np.linalg.norm(q)
+            near = mq.pose(quaternion=np.round(q, decimals)).rotation
+            assert np.abs(near - mq.pose(quaternion=q).rotation).max() < 4 * 10.0**-decimals
+
+
+def test_what_is_farther_off_is_refused_with_the_way_out_in_the_language_that_is_spoken():
+    off = np.eye(4)
+    off[0, 0] = 1.002
+    with pytest.raises(PoseError, match=r"not orthonormal.*= 0\.004.*project=True") as reason:
+        mq.pose(matrix=off)
+    assert "mq." not in reason.value.for_shell
+    assert reason.value.for_shell.endswith("--project")
+    assert mq.pose(matrix=off, project=True).isIdentity(1e-14)
+    with pytest.raises(PoseError, match="project=True") as reason:
+        mq.pose(quaternion=[1.003, 0, 0, 0])
+    assert reason.value.for_shell.endswith("--project")
 
 
 @pytest.mark.parametrize("project", [False, True])

@@ -282,7 +282,7 @@ def test_a_batch_of_closest_is_each_of_them(panda, ur5, rng):
             one = solver.solve(targets[i], starts[i], 7, prefer="closest", metric=np.arange(1.0, robot.n + 1))
             assert one.q.tolist() == batch.q[i].tolist()
             assert one.cost == batch.cost[i]
-        assert batch.status[1] == mq.Status.BUDGET_SPENT
+        assert batch.status[1] == mq.Status.INVALID_TARGET
 
 
 def test_without_a_solution_the_verdict_is_that_from_q0(maira, panda):

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, get_args
 
 import tyro
@@ -22,6 +23,7 @@ from maira_qp.apps.commands.plot import Pictures, Plot
 from maira_qp.apps.commands.solve import Solve
 from maira_qp.apps.commands.urdf import Urdf
 from maira_qp.apps.commands.view import View
+from maira_qp.apps.left_pipes import drop_output
 from maira_qp.errors import MairaError, OptionError, listed
 
 MISUSE = 2
@@ -34,7 +36,7 @@ Lengths are in m, angles in rad (solve and fk: in deg with --deg), times in s; q
 
 Exit codes: 0 done, and for solve: solved; 1 not solved, the nearest found is printed; 3 proved to be out of reach;
 4 neither, the budget was spent; of doctor: 1 something is at fault; 2 misuse, told on stderr; 130 interrupted; 141 the
-reader of the output went away.
+reader of the output went away before the verdict was known; 143 terminated.
 
 maira-qp --version prints the version; maira-qp --tyro-print-completion bash (zsh, fish) prints shell completions."""
 
@@ -55,17 +57,44 @@ Command = (
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command and returns its exit code; `arguments` None: those of the process."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
+    code = PIPE_CLOSED
     try:
-        code = _run(arguments)
-        sys.stdout.flush()
+        with _terminable():
+            code = _run(arguments)
+            sys.stdout.flush()
         return code
     except BrokenPipeError:
-        # what is still buffered has no reader; without this the interpreter would complain as it ends
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return PIPE_CLOSED
+        drop_output()
+        return code
+    except Terminated as end:
+        print("maira-qp: terminated", file=sys.stderr)  # noqa: T201
+        return end.code
     except KeyboardInterrupt:
         print("maira-qp: interrupted", file=sys.stderr)  # noqa: T201
         return INTERRUPTED
+
+
+class Terminated(KeyboardInterrupt):
+    """A signal that ends the process, as Ctrl-C does: files that were begun are removed."""
+
+    code = 128 + signal.SIGTERM
+
+
+@contextlib.contextmanager
+def _terminable() -> Iterator[None]:
+    """SIGTERM is heard as `Terminated`, where this thread is the one that may listen."""
+
+    def end(*_: object) -> None:
+        raise Terminated
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _run(arguments: list[str]) -> int:

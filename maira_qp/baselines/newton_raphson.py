@@ -34,7 +34,7 @@ from maira_qp.baselines.residuals import (
     within,
 )
 from maira_qp.baselines.result import BaselineResult
-from maira_qp.errors import ConfigurationError, OptionError, PoseError
+from maira_qp.errors import ConfigurationError, OptionError, PoseError, shown
 from maira_qp.orientation import rigid
 from maira_qp.robots.dh import DHTable
 
@@ -104,7 +104,7 @@ def newton_null_space(
     where the pose has converged, wherever w stands. Raises `PoseError`, `ConfigurationError`, `OptionError`.
     """
     if not callable(gradient):
-        raise OptionError(f"gradient must be a function of q, got {gradient!r:.80}")
+        raise OptionError(f"gradient must be a function of q, got {shown(gradient)}")
     alpha = positive(alpha, "alpha")
 
     def climb(q: np.ndarray) -> np.ndarray:

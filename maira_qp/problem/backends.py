@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from maira_qp.errors import BackendError, listed
+from maira_qp.errors import BackendError, listed, shown
 from maira_qp.problem.qp import QP, QPSolution
 
 if TYPE_CHECKING:
@@ -74,15 +74,19 @@ class Backend:
     """Passed on to the backend in place of the accurate settings; empty: those."""
 
     def __post_init__(self) -> None:
-        if self.name not in available():
+        if not isinstance(self.name, str) or self.name not in available():
             command = INSTALLED_BY.get(self.name) if isinstance(self.name, str) else None
             if command is not None:
                 raise BackendError(f"the QP backend {self.name!r} is not installed: {command}; {listed(available())}")
-            raise BackendError(f"no QP backend {self.name!r} here; {listed(available(), str(self.name))}")
+            raise BackendError(f"no QP backend {shown(self.name)} here; {listed(available(), self.name)}")
+        if not isinstance(self.settings, (Mapping, type(None))):
+            raise BackendError(f"settings of a Backend must be a mapping {{name: value}}, got {shown(self.settings)}")
         object.__setattr__(self, "settings", dict(self.settings or ACCURATE.get(self.name, {})))
         trial = self.solve(QP(np.eye(2), np.ones(2), -np.ones(2), np.ones(2), np.empty((0, 2)), np.empty(0)))
         if not trial.found:
-            raise BackendError(f"QP backend {self.name!r} with settings {self.settings} fails: {trial.reason:.300}")
+            raise BackendError(
+                f"QP backend {self.name!r} with settings {shown(self.settings)} fails: {trial.reason:.300}"
+            )
 
     def solve(self, qp: QP) -> QPSolution:
         """The solution of a QP; a failure of any kind is a solution that says `found=False`."""

@@ -16,14 +16,14 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from maira_qp.arrays import real_array
-from maira_qp.errors import OptionError, listed
+from maira_qp.arrays import is_listing, real_array
+from maira_qp.errors import OptionError, listed, shown
 from maira_qp.problem.limits import KEPT, Limit, Tick
 from maira_qp.robots.collision.levers import levers
 from maira_qp.robots.collision.link_shapes import link_shapes
@@ -94,7 +94,7 @@ class CollisionLimit(Limit):
         object.__setattr__(self, "obstacles", _named_obstacles(self.obstacles))
         object.__setattr__(self, "meshes", _directories(self.meshes))
         if self.missing not in ("error", "ignore"):
-            raise OptionError(f"missing of a CollisionLimit; {listed(('error', 'ignore'), str(self.missing))}")
+            raise OptionError(f"missing of a CollisionLimit; {listed(('error', 'ignore'), self.missing)}")
         is_path = isinstance(self.allowed, (str, os.PathLike)) and self.allowed not in ALLOWED
         if is_path and not os.path.isfile(self.allowed):
             raise OptionError(
@@ -299,13 +299,13 @@ def _braking(robot: Robot, own: Sequence[Part], gain: float) -> _Braking:
 
 def _named_obstacles(obstacles: Any) -> tuple[Shape, ...]:
     """The obstacles, each with a name of its own. Raises `OptionError`."""
-    if isinstance(obstacles, Shape) or not isinstance(obstacles, Iterable):
-        raise OptionError(f"obstacles of a CollisionLimit must be a sequence of shapes, not {obstacles!r:.80}")
+    if isinstance(obstacles, Shape) or not is_listing(obstacles):
+        raise OptionError(f"obstacles of a CollisionLimit must be a sequence of shapes, not {shown(obstacles)}")
     obstacles = tuple(obstacles)
     named: list[Shape] = []
     for count, obstacle in enumerate(obstacles, start=1):
         if not isinstance(obstacle, Shape):
-            raise OptionError(f"obstacle {count} is not a Sphere, Box, Capsule, Cylinder or Mesh: {obstacle!r:.80}")
+            raise OptionError(f"obstacle {count} is not a Sphere, Box, Capsule, Cylinder or Mesh: {shown(obstacle)}")
         named.append(obstacle if obstacle.name else replace(obstacle, name=f"obstacle{count}"))  # type: ignore[type-var]
     names = [obstacle.name for obstacle in named]
     for name in names:
@@ -321,7 +321,7 @@ def _directories(directories: Any) -> tuple[str, ...]:
     try:
         folders = tuple(os.fspath(folder) for folder in directories)
     except TypeError:
-        raise OptionError(f"meshes must be a sequence of directories, not {directories!r:.80}") from None
+        raise OptionError(f"meshes must be a sequence of directories, not {shown(directories)}") from None
     for folder in folders:
         if not os.path.isdir(folder):
             raise OptionError(f"meshes: {folder!r} is not a directory")

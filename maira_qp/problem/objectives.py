@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from maira_qp.arrays import real_array
-from maira_qp.errors import OptionError
+from maira_qp.arrays import is_listing, is_number, real_array
+from maira_qp.errors import OptionError, shown
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
 
@@ -43,7 +43,7 @@ def check_objective(objective: object) -> None:
     """Raises `OptionError` for what is no objective."""
     if not isinstance(objective, Objective):
         raise OptionError(
-            f"not an objective: {objective!r:.80}; "
+            f"not an objective: {shown(objective)}; "
             "valid: Posture(), LimitDistance(), Manipulability(), ObstacleDistance(...)"
         )
 
@@ -61,7 +61,8 @@ class Posture(Objective):
         """With the reference and weights as arrays of the robot's size."""
         q_ref = robot.middle if self.q_ref is None else self.q_ref
         w = 1.0 if self.weights is None else self.weights
-        w = real_array(np.full(robot.n, w) if np.ndim(w) == 0 else w, (robot.n,), "weights of Posture", OptionError)
+        shape = () if is_number(w) else (robot.n,)
+        w = np.array(np.broadcast_to(real_array(w, shape, "weights of Posture", OptionError), robot.n))
         if (w < 0).any():
             raise OptionError(f"weights of Posture must not be negative, got {w.tolist()}")
         return Posture(real_array(q_ref, (robot.n,), "q_ref of Posture", OptionError), w)
@@ -124,7 +125,7 @@ class Manipulability(Objective):
 
     def of(self, robot: Robot) -> Manipulability:
         """With the frame's name checked."""
-        robot.frame_id(self.frame or robot.tip)
+        robot.frame_id(self.frame)
         return self
 
     def cost(self, at: Configuration) -> float:
@@ -159,9 +160,15 @@ class ObstacleDistance(Objective):
     def of(self, robot: Robot) -> ObstacleDistance:
         """With the point as an array and the frames' names checked."""
         point = real_array(self.obstacle, (3,), "obstacle of ObstacleDistance", OptionError)
-        if not (isinstance(self.sharpness, (int, float)) and 0 < self.sharpness < math.inf):
-            raise OptionError(f"sharpness of ObstacleDistance must be a positive number [1/m], got {self.sharpness!r}")
+        if not (is_number(self.sharpness) and 0 < self.sharpness < math.inf):
+            raise OptionError(
+                f"sharpness of ObstacleDistance must be a positive number [1/m], got {shown(self.sharpness)}"
+            )
+        if self.frames is not None and not is_listing(self.frames):
+            raise OptionError(f"frames of ObstacleDistance must be a list of links, got {shown(self.frames)}")
         frames = (*robot.moved_links, robot.tip) if self.frames is None else tuple(self.frames)
+        if not frames:
+            raise OptionError("frames of ObstacleDistance is an empty list")
         for frame in frames:
             robot.frame_id(frame)
         return replace(self, obstacle=point, frames=frames)

@@ -8,12 +8,21 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.arrays import real_array
-from maira_qp.errors import PoseError
-from maira_qp.orientation import ORTHONORMAL_WITHIN, exact_rotation, matrix_from_quaternion, rigid
+from maira_qp.arrays import is_listing, real_array
+from maira_qp.errors import PoseError, shown
+from maira_qp.orientation import (
+    ORTHONORMAL_WITHIN,
+    ROUNDED_WITHIN,
+    exact_rotation,
+    matrix_from_quaternion,
+    rigid,
+    rounding_of,
+)
 from maira_qp.robots.unit_hints import degrees_hint_of_angles
 
 log = logging.getLogger(__name__)
+
+ROUNDED = "max |R R^T - I| of the target is %.2g: the nearest rotation is taken"
 
 
 def pose(
@@ -28,23 +37,27 @@ def pose(
 
     Args:
         position: (3,) [m]; with a 4x4 `matrix` it must be left out.
-        quaternion: (4,), scalar first (w, x, y, z), of unit length.
+        quaternion: (4,), scalar first (w, x, y, z), of unit length to 2e-3, as three decimals leave it.
         rpy: (3,) [rad], roll, pitch and yaw about fixed axes, `Rz(yaw) Ry(pitch) Rx(roll)` as in URDF.
-        matrix: (4, 4) transformation or (3, 3) rotation; orthonormal to 1e-5.
-        project: take the nearest rotation to a rounded matrix (or quaternion) on purpose, however far it is.
+        matrix: (4, 4) transformation or (3, 3) rotation; max |R R^T - I| <= 2e-3, as three decimals leave it.
+        project: take the nearest rotation to a matrix (or quaternion) on purpose, however far it is.
 
-    At most one of `quaternion`, `rpy` and `matrix`; without any the orientation is the identity.
+    The nearest rotation to what was rounded is taken; above 1e-5 the deviation is logged, and `Solution` has it as
+    `target_deviation` where an array was the target. At most one of `quaternion`, `rpy` and `matrix`; without any the
+    orientation is the identity.
     Raises `PoseError`.
     """
     orientations = {"quaternion": quaternion, "rpy": rpy, "matrix": matrix}
     given = [name for name, value in orientations.items() if value is not None]
     if len(given) > 1:
         raise PoseError(f"one orientation is enough, got {' and '.join(given)}")
-    if matrix is not None and np.shape(matrix) == (4, 4):
-        if tuple(np.shape(position)) != (3,) or np.any(np.asarray(position) != 0):
+    if not isinstance(project, (bool, np.bool_)):
+        raise PoseError(f"project must be True or False, got {shown(project)}")
+    p = real_array(position, (3,), "position", PoseError)
+    if matrix is not None and _has_four_rows(matrix):
+        if p.any():
             raise PoseError("a 4x4 matrix holds its own position; leave out the argument `position`")
         return as_pose(matrix, project=project)
-    p = real_array(position, (3,), "position", PoseError)
     if matrix is not None:
         R = real_array(matrix, (3, 3), "matrix (3x3, or 4x4)", PoseError)
     elif quaternion is not None:
@@ -57,7 +70,14 @@ def pose(
         R = pin.rpy.rpyToMatrix(angles)
     else:
         R = np.eye(3)
-    return pin.SE3(exact_rotation(R, "matrix", project=project), p)
+    exact = exact_rotation(R, "matrix", project=project)
+    _tell(rounding_of(R), ROUNDED)
+    return pin.SE3(exact, p)
+
+
+def _has_four_rows(matrix: Any) -> bool:
+    """Whether a matrix is to hold a position too."""
+    return is_listing(matrix) and hasattr(matrix, "__len__") and len(matrix) == 4
 
 
 def as_pose(target: Any, *, project: bool = False) -> pin.SE3:
@@ -68,8 +88,26 @@ def as_pose(target: Any, *, project: bool = False) -> pin.SE3:
             "a target is a pose, a pin.SE3 or a (4, 4) array: mq.pose([x, y, z], quaternion=[w, x, y, z]); "
             "of a task of the position alone, mq.PositionTask(), too: mq.pose([x, y, z])"
         )
-    T = rigid(target.homogeneous if isinstance(target, pin.SE3) else target, "target", project=project)
+    given = target.homogeneous if isinstance(target, pin.SE3) else target
+    T = rigid(given, "target", project=project)
+    _tell(rounding_of(given), ROUNDED)
     return pin.SE3(T[:3, :3].copy(), T[:3, 3].copy())
+
+
+def deviation_of(quaternion: Any = None, matrix: Any = None) -> float:
+    """How far an orientation that `pose` takes is from a rotation, if that is to be told; 0 within 1e-5.
+
+    ||q| - 1| of a quaternion (4,), max |R R^T - I| of a matrix (3, 3) or (4, 4).
+    """
+    if matrix is not None:
+        return rounding_of(matrix)
+    deviation = 0.0 if quaternion is None else abs(float(np.linalg.norm(quaternion)) - 1)
+    return deviation if deviation > ORTHONORMAL_WITHIN else 0.0
+
+
+def _tell(deviation: float, message: str) -> None:
+    if deviation > ORTHONORMAL_WITHIN:
+        log.info(message, deviation)
 
 
 def _unit_quaternion(value: Any, project: bool) -> np.ndarray:
@@ -78,10 +116,13 @@ def _unit_quaternion(value: Any, project: bool) -> np.ndarray:
     if largest == 0:
         raise PoseError("a zero quaternion has no direction")
     norm = largest * np.linalg.norm(q / largest)
-    if not project and abs(norm - 1) > ORTHONORMAL_WITHIN:
+    deviation = abs(norm - 1)
+    if not project and deviation > ROUNDED_WITHIN:
         raise PoseError(
-            f"the quaternion's norm is {norm:.6g}, not 1 (order: w, x, y, z); "
-            "to take the nearest unit quaternion on purpose: mq.pose(position, quaternion=q, project=True)"
+            f"the quaternion's norm is {norm:.6g}, not 1 (order: w, x, y, z)",
+            python="to take the unit quaternion on purpose: mq.pose(position, quaternion=q, project=True)",
+            shell="to take the unit quaternion on purpose: --project",
         )
+    _tell(deviation, "the quaternion's norm is off 1 by %.2g: its unit quaternion is taken")
     q = q / largest
     return q / np.linalg.norm(q)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
-from maira_qp.errors import OptionError
+from maira_qp.arrays import is_number
+from maira_qp.errors import OptionError, shown
 from maira_qp.problem.objectives import Objective, check_objective
 from maira_qp.robots.robot import Robot
 
@@ -25,9 +24,8 @@ class Weighted:
 
     def __post_init__(self) -> None:
         check_objective(self.objective)
-        number = isinstance(self.weight, (int, float, np.integer, np.floating)) and not isinstance(self.weight, bool)
-        if not (number and 0 < self.weight < math.inf):
-            raise OptionError(f"the weight of Weighted must be a positive number, got {self.weight!r}")
+        if not (is_number(self.weight) and 0 < self.weight < math.inf):
+            raise OptionError(f"the weight of Weighted must be a positive number, got {shown(self.weight)}")
 
     def of(self, robot: Robot) -> Weighted:
         """The same with its objective made for this robot."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import math
+import os
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
@@ -19,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 import yaml
 
-from maira_qp.arrays import real_array
+from maira_qp.arrays import is_listing, is_number, real_array
 from maira_qp.errors import ConfigurationError, RobotError, listed, shown
 from maira_qp.orientation import orientation_error
 from maira_qp.regular_files import read_text
@@ -75,7 +76,7 @@ class DHLink:
             raise RobotError(f"unknown joint kind {shown(self.kind)}; {listed(KINDS, shown(self.kind))}")
         for key in ("a", "alpha", "d", "theta"):
             value = getattr(self, key)
-            if not _is_number(value) or not math.isfinite(value):
+            if not is_number(value) or not math.isfinite(value):
                 raise RobotError(f"DH parameter {key} must be a finite number, got {shown(value)}")
             if abs(value) > LARGEST:
                 raise RobotError(f"DH parameter {key} is beyond the largest that makes sense, {LARGEST:g}: {value:g}")
@@ -88,7 +89,7 @@ class DHLink:
                 if default is None:
                     raise RobotError("a prismatic joint needs both of its limits, lower and upper [m]")
                 object.__setattr__(self, key, sign * default)
-            elif not _is_number(value) or not abs(value) <= LARGEST_LIMIT:
+            elif not is_number(value) or not abs(value) <= LARGEST_LIMIT:
                 told = f"must be a finite number, at most {LARGEST_LIMIT:g}, got {shown(value)}"
                 raise RobotError(f"limit {key} {told} (no limit: kind='continuous')")
         if not self.lower <= self.upper:  # type: ignore[operator]
@@ -97,20 +98,10 @@ class DHLink:
             value = getattr(self, key)
             if key == "acceleration" and value is None:
                 continue
-            if not _is_number(value) or not 0 < value < math.inf:
+            if not is_number(value) or not 0 < value < math.inf:
                 raise RobotError(f"{key} limit must be a positive number, got {shown(value)}")
         if self.name is not None and (not isinstance(self.name, str) or not self.name.strip()):
             raise RobotError(f"a joint name must be text that is not empty, got {shown(self.name)}")
-
-
-def _is_number(value: Any) -> bool:
-    """A real number that a float can hold."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        return False
-    try:
-        return isinstance(float(value), float)
-    except OverflowError:
-        return False
 
 
 @dataclass(frozen=True)
@@ -128,7 +119,7 @@ class DHTable:
 
     def __init__(self, links: Iterable[DHLink | Mapping[str, Any]], name: str = "arm") -> None:
         """Links as `DHLink`s or as mappings of their fields. Raises `RobotError`."""
-        if isinstance(links, (str, bytes)) or not isinstance(links, Iterable):
+        if not is_listing(links):
             raise RobotError(f"a DH table is made from a list of links, got {shown(links)}")
         made = tuple(link if isinstance(link, DHLink) else _link(link, i) for i, link in enumerate(links, start=1))
         moving = [link for link in made if link.kind != "fixed"]
@@ -158,6 +149,8 @@ class DHTable:
         Numbers in YAML are those of version 1.2, so that 1e-3 is one. Raises `RobotError` if the file is not such a
         table, or cannot be read.
         """
+        if not isinstance(path, (str, os.PathLike)):
+            raise RobotError(f"a DH file is named by its path, got {shown(path)}")
         path = Path(path)
         parse = {".toml": tomllib.loads, ".yaml": plain_yaml, ".yml": plain_yaml}.get(path.suffix.lower())
         if parse is None:
@@ -236,7 +229,7 @@ class DHTable:
     def finite_difference_jacobian(self, q: np.ndarray, step: float = 1e-6) -> np.ndarray:
         """The same Jacobian (6, n) by central differences of `forward`; error about step^2 + 1e-16/step."""
         q = real_array(q, (self.n,), "q", ConfigurationError)
-        if not (_is_number(step) and 0 < step < 1):
+        if not (is_number(step) and 0 < step < 1):
             raise ConfigurationError(f"the finite-difference step must be between 0 and 1, got {shown(step)}")
         J = np.empty((6, self.n))
         for i, dq in enumerate(step * np.eye(self.n)):
@@ -257,4 +250,4 @@ def _link(row: Any, number: int) -> DHLink:
     try:
         return DHLink(**row)
     except RobotError as reason:
-        raise RobotError(f"link {number}: {reason}") from None
+        raise reason.at(f"link {number}") from None

@@ -10,8 +10,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from maira_qp.arrays import real_array
-from maira_qp.errors import OptionError, listed
+from maira_qp.arrays import is_listing, real_array
+from maira_qp.errors import OptionError, listed, shown
 from maira_qp.robots.dh import DHTable
 from maira_qp.robots.unit_hints import degrees_hint_of_angles
 
@@ -56,11 +56,13 @@ class JointLimits:
 
     def released(self, limits: Iterable[str], distance: np.ndarray) -> JointLimits:
         """These, the named ones ("joint4 upper") moved outward by distances (n,) [rad, or m]. Raises `OptionError`."""
+        if not is_listing(limits):
+            raise OptionError(f"limits must be a list of names such as ['joint4 upper'], got {shown(limits)}")
         known = [f"{joint} {end}" for joint in self.joint_names for end in ("lower", "upper")]
         lower, upper = self.lower.copy(), self.upper.copy()
         for name in limits:
-            if name not in known:
-                raise OptionError(f"{name!r} is not the limit of a joint; {listed(known, str(name))}")
+            if not isinstance(name, str) or name not in known:
+                raise OptionError(f"{shown(name)} is not the limit of a joint; {listed(known, name)}")
             joint, is_upper = divmod(known.index(name), 2)
             if is_upper:
                 upper[joint] += distance[joint]
@@ -76,8 +78,8 @@ class JointLimits:
             values = default.copy()
             for joint, value in wish.items():
                 if joint not in self.joint_names:
-                    known = listed(self.joint_names, str(joint))
-                    raise OptionError(f"{key}: {joint!r} is not a joint that moves on its own; {known}")
+                    known = listed(self.joint_names, joint)
+                    raise OptionError(f"{key}: {shown(joint)} is not a joint that moves on its own; {known}")
                 name = f"{key} of joint {joint!r}"
                 values[self.joint_names.index(joint)] = real_array(value, (), name, OptionError, finite=False)
             return values

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.errors import FrameError, listed
+from maira_qp.errors import FrameError, listed, shown
 
 
 class Scratch:
@@ -51,4 +51,4 @@ class Kinematics:
         try:
             return self._ids[frame]
         except (KeyError, TypeError):
-            raise FrameError(f"{frame!r} is not a frame of {self._name}; {listed(self._frames, str(frame))}") from None
+            raise FrameError(f"{shown(frame)} is not a frame of {self._name}; {listed(self._frames, frame)}") from None

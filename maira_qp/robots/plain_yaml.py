@@ -13,6 +13,8 @@ import yaml
 
 MAX_NODES = 10_000
 """Most values of a file, each alias counted as all that it stands for."""
+MAX_DEPTH = 20
+"""Deepest nesting of values."""
 
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 _WHOLE = re.compile(r"[-+]?[0-9]+")
@@ -28,12 +30,16 @@ class _Loader(yaml.SafeLoader):
 
     def __init__(self, stream: str) -> None:
         super().__init__(stream)
-        self._count = 0
+        self._count = self._depth = 0
         self._sizes: dict[int, int] = {}
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         is_alias, before = self.check_event(yaml.AliasEvent), self._count
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise yaml.YAMLError(f"values are nested deeper than {MAX_DEPTH}")
         node = super().compose_node(parent, index)
+        self._depth -= 1
         if is_alias and id(node) not in self._sizes:
             raise yaml.YAMLError("an alias stands within what it stands for")
         self._count += self._sizes[id(node)] if is_alias else 1

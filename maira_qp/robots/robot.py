@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from maira_qp.arrays import real_array
 from maira_qp.display import Card, Shown, joint_entries
-from maira_qp.errors import ConfigurationError, OptionError, RobotError
+from maira_qp.errors import ConfigurationError, OptionError, RobotError, shown
 from maira_qp.robots import catalog
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.dh import DHLink, DHTable
@@ -240,7 +240,7 @@ class Robot(Shown):
     def random_configuration(self, rng: np.random.Generator) -> np.ndarray:
         """A configuration (n,) uniform within the limits, a continuous joint in [-pi, pi]. Raises `OptionError`."""
         if not isinstance(rng, np.random.Generator):
-            raise OptionError(f"rng must be a numpy.random.Generator, such as default_rng(0), got {rng!r:.80}")
+            raise OptionError(f"rng must be a numpy.random.Generator, such as default_rng(0), got {shown(rng)}")
         return drawn(rng, *self.drawn_range)
 
     def clip(self, q: Any) -> np.ndarray:

@@ -183,7 +183,7 @@ def _given(limits: Limits | None, elements: Mapping[str, Element]) -> dict[str, 
     given = {}
     for name, pair in (limits or {}).items():
         if name not in known:
-            raise OptionError(f"limits: {shown(name)} is not a joint that moves; {listed(known, str(name))}")
+            raise OptionError(f"limits: {shown(name)} is not a joint that moves; {listed(known, name)}")
         lower, upper = real_array(pair, (2,), f"the limits of joint {name!r}", OptionError).tolist()
         if not -ENDLESS <= lower <= upper <= ENDLESS:
             raise OptionError(f"the limits of joint {name!r} are inverted or too large: ({lower:g}, {upper:g})")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from maira_qp.errors import FrameError, RobotError, listed
+from maira_qp.errors import FrameError, RobotError, listed, shown
 
 MAX_DEPTH = 500
 """Longest chain of links that is accepted: Pinocchio recurses along it, and 5,000 links crash it."""
@@ -91,7 +91,7 @@ class LinkTree:
     def known(self, link: str, role: str) -> str:
         """The name itself if it is a link's. Raises `FrameError` that names the role, `tip` or `base`."""
         if not isinstance(link, str) or link not in self.beneath:
-            raise FrameError(f"the {role} {link!r} is not a link of this robot; {listed(self.links, str(link))}")
+            raise FrameError(f"the {role} {shown(link)} is not a link of this robot; {listed(self.links, link)}")
         return link
 
     def leaves(self, base: str) -> list[str]:
@@ -107,7 +107,7 @@ class LinkTree:
         if tip is None:
             leaves = self.leaves(base)
             if len(leaves) > 1:
-                raise FrameError(self._choice(base))
+                raise self._choice(base)
             return (leaves[0],)
         if not isinstance(tip, (list, tuple)):
             return (self.known(tip, "tip"),)  # type: ignore[arg-type]
@@ -119,23 +119,24 @@ class LinkTree:
                 raise FrameError(f"the tip {name!r} is named twice in {list(tips)}")
         return tips
 
-    def _choice(self, base: str) -> str:
-        """Which of several tips to choose: those named as tools first, then those behind the most joints that move."""
+    def _choice(self, base: str) -> FrameError:
+        """The error that says which tip to choose: those named as tools first, then those behind most moving joints."""
         depth = {base: 0}
         for edge in self.below(base):
             depth[edge.child] = depth[edge.parent] + edge.moves
         leaves = sorted((link for link in self.leaves(base) if depth[link]), key=lambda link: -depth[link])
         if not leaves:
-            return f"no joint moves behind {base!r}; {listed(self.leaves(base))}"
+            return FrameError(f"no joint moves behind {base!r}; {listed(self.leaves(base))}")
         ranks = {
             link: [k for k, word in enumerate(TOOL_WORDS) if word in link.lower()] for link in depth if depth[link]
         }
         tools = sorted((link for link in ranks if ranks[link]), key=lambda link: (-depth[link], ranks[link]))
         first, *others = dict.fromkeys([*tools, *leaves])
         several = [first, *(link for link in others if link in leaves)][:2]
-        return (
-            f"there are {len(leaves)} tips, choose one (tip={first!r}) or several (tip={several!r}); {listed(leaves)}"
-        )
+        count, names = f"there are {len(leaves)} tips", listed(leaves)
+        error = FrameError(f"{count}, choose one (tip={first!r}) or several (tip={several!r}); {names}")
+        error.for_shell = f"{count}, choose one: --tip {first}; {names}"
+        return error
 
     def carries(self, base: str, link: str) -> bool:
         """Whether a link hangs on the base, or is the base."""

@@ -7,20 +7,20 @@ from typing import Any
 import numpy as np
 
 from maira_qp.arrays import real_array
-from maira_qp.errors import ConfigurationError, OptionError
+from maira_qp.errors import ConfigurationError, OptionError, shown
 from maira_qp.problem.objectives import Posture
 from maira_qp.robots.robot import Robot
 
 
 def check_preference(prefer: object, q0: object, redundancy: object, observe: object = None) -> None:
     """Raises `OptionError` for a preference that is none, and for what it does not go with."""
-    if prefer != "closest":
-        raise OptionError(f"prefer must be 'closest', or None and without a metric, got {prefer!r:.80}")
+    if not isinstance(prefer, str) or prefer != "closest":
+        raise OptionError(f"prefer must be 'closest', or None and without a metric, got {shown(prefer)}")
     if q0 is None:
         raise OptionError("prefer='closest' needs q0: closest to what?")
     if redundancy is not None:
         raise OptionError(
-            f"prefer='closest' and {redundancy!r:.80} are two wishes; leave out prefer, or the solver's redundancy"
+            f"prefer='closest' and {shown(redundancy)} are two wishes; leave out prefer, or the solver's redundancy"
         )
     if observe is not None:
         raise OptionError("prefer='closest' cannot be observed; leave out prefer, or observe")

@@ -16,7 +16,7 @@ from maira_qp.kernels.lane_walk import OUTCOME as SETTLED
 from maira_qp.kernels.lanes import LANES
 from maira_qp.kernels.nearest import nearest_points
 from maira_qp.kernels.nearest_in_closed_form import nearest_in_closed_form
-from maira_qp.kernels.rigid import FINE
+from maira_qp.kernels.rigid import FINE, NOT_RIGID
 from maira_qp.kernels.search import (
     ATTEMPT,
     FINAL_COST,
@@ -67,6 +67,8 @@ class Asked(NamedTuple):
 
 class Compiled(ChainArrays):
     """The search and the settling of one problem in compiled code."""
+
+    NOT_RIGID = NOT_RIGID
 
     def solve(
         self, T: np.ndarray, q0: np.ndarray | None, seed: np.ndarray

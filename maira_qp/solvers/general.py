@@ -172,6 +172,7 @@ class General:
             projected_gradient=gradient,
             optimal=optimal,
             start_projected=start_projected,
+            target_deviation=0.0,
             backend=self.setting.backend.name if self.compiled is None else "compiled",
             _setting=self.setting,
             _asked=(self.priorities, targets),

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
-import numpy as np
+from maira_qp.arrays import LARGEST_COUNT, is_count, is_number
+from maira_qp.errors import OptionError, shown
 
-from maira_qp.errors import OptionError
+MOST_STARTS = 1_000_000
+"""Each costs some bytes of memory."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,11 +46,12 @@ class Options:
                 continue
             whole = f.name.startswith("max_") or f.name in ("start_candidates", "stall_steps")
             least = 0 if f.name in ("max_restarts", "max_settling") else 1
-            number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-            if whole and not (number and math.isfinite(value) and value == int(value) and value >= least):
-                raise OptionError(f"{f.name} must be a whole number >= {least}, got {value!r}")
-            if not whole and not (number and 0 < value < math.inf):
-                raise OptionError(f"{f.name} must be a positive number, got {value!r}")
+            largest = MOST_STARTS if f.name in ("max_restarts", "start_candidates") else LARGEST_COUNT
+            if whole and not is_count(value, least, largest):
+                told = f"must be a whole number >= {least} and at most {largest}"
+                raise OptionError(f"{f.name} {told}, got {shown(value)}")
+            if not whole and not (is_number(value) and 0 < value < math.inf):
+                raise OptionError(f"{f.name} must be a positive number, got {shown(value)}")
             object.__setattr__(self, f.name, int(value) if whole else float(value))
         if not self.stall_ratio < 1:
-            raise OptionError(f"stall_ratio must be below 1, got {self.stall_ratio!r}")
+            raise OptionError(f"stall_ratio must be below 1, got {shown(self.stall_ratio)}")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.errors import FrameError, OptionError, PoseError, listed
+from maira_qp.errors import FrameError, OptionError, PoseError, listed, shown
 from maira_qp.problem.costs import LevelObjective, TaskCost, tasks_toward
 from maira_qp.problem.objectives import LimitDistance, Posture
 from maira_qp.problem.pose import as_pose
@@ -50,7 +50,7 @@ class Priorities:
         given = (*(given if isinstance(given, (list, tuple)) else [given]), *tasks)
         for each in given:
             if not isinstance(each, (Task, ObjectiveTask)):
-                raise OptionError(f"task must be something like {EXAMPLES}, got {each!r:.80}")
+                raise OptionError(f"task must be something like {EXAMPLES}, got {shown(each)}")
         made = [each.of(robot) for each in given]
         levels = sorted({each.priority for each in made})
         sums = [_level([each for each in made if each.priority == level]) for level in levels]
@@ -94,7 +94,7 @@ class Priorities:
         for name in target:
             if name not in self.frames:
                 raise FrameError(
-                    f"no task takes its target from the call for {name!r}; {listed(self.frames, str(name))}"
+                    f"no task takes its target from the call for {shown(name)}; {listed(self.frames, name)}"
                 )
         if len(target) < len(self.frames):
             missing = ", ".join(repr(frame) for frame in self.frames if frame not in target)
@@ -104,9 +104,10 @@ class Priorities:
             check_distance(pose.translation, self.robot.length, "target" if len(poses) == 1 else f"target of {frame!r}")
         return poses
 
-    def rows(self, targets: Any) -> np.ndarray:
+    def rows(self, targets: Any) -> tuple[np.ndarray, np.ndarray]:
         """A batch's targets (N, K, 12), K the frames that need one; checked, NaN for one with NaN or inf in it.
 
+        And how far each (N,) was from rotations, see `rounding_of`.
         They come as (N, 4, 4) for one frame, else as {frame: (N, 4, 4)}, or as N mappings {frame: pose}.
         Raises `PoseError`, `FrameError`.
         """
@@ -114,7 +115,8 @@ class Priorities:
             raise PoseError("the tasks take no target from the call, so there is nothing to make a batch of")
         if isinstance(targets, Sequence) and targets and all(isinstance(each, Mapping) for each in targets):
             for each in targets:
-                self.targets(each)
+                if set(each) != set(self.frames):
+                    self.targets(each)  # which says what is wrong
             targets = {frame: [each[frame] for each in targets] for frame in self.frames}
         if not isinstance(targets, Mapping):
             if len(self.frames) != 1:
@@ -122,7 +124,8 @@ class Priorities:
             targets = {self.frames[0]: targets}
         if set(targets) != set(self.frames):
             raise PoseError(self._instead("a mapping {frame: poses} of just these frames"))
-        each = [rows_of(poses_of_batch(targets[frame])) for frame in self.frames]
+        made = [rows_of(poses_of_batch(targets[frame])) for frame in self.frames]
+        each, deviations = [rows for rows, _ in made], [deviation for _, deviation in made]
         if len({len(rows) for rows in each}) > 1:
             raise PoseError(f"as many poses for each frame, not {[len(rows) for rows in each]}")
         rows = np.stack(each, axis=1) if len(each) > 1 else each[0][:, None]
@@ -130,7 +133,7 @@ class Priorities:
         for i in np.flatnonzero(far.any(axis=(1, 2))) if far.any() else ():
             check_distance(rows[i, :, 9:], self.robot.length, f"target {i}")
         rows[np.isnan(rows[:, :, 0]).any(axis=1)] = np.nan
-        return rows
+        return rows, np.max(deviations, axis=0)
 
     def of_row(self, row: np.ndarray) -> dict[str, pin.SE3]:
         """The targets of a row (K, 12)."""

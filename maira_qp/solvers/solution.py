@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, overload
@@ -14,6 +14,7 @@ import numpy as np
 from maira_qp.arrays import plain
 from maira_qp.display import Card, Shown, joint_entries
 from maira_qp.errors import MairaError, OptionError, SensitivityError
+from maira_qp.orientation import rounding_of
 from maira_qp.robots.robot import Robot, condition_numbers
 from maira_qp.robots.unit_hints import degrees_hint, millimetres_hint, millimetres_hint_of_many
 from maira_qp.solvers.priorities import Priorities
@@ -52,6 +53,8 @@ class Status(NamedEnum):
     """Not at the pose, but at a point that no small motion within the limits brings nearer to it."""
     BUDGET_SPENT = 3
     """Neither: the restarts, the iterations or the deadline ran out first."""
+    INVALID_TARGET = 4
+    """The target of a batch holds NaN or inf: nothing was solved, and `q` and all numbers are NaN."""
     LIMITS_BROKEN = 5
     """No configuration was found that keeps the limits beside those of the joints: see `broken_limits`."""
 
@@ -66,6 +69,7 @@ _MEANINGS = {
     Status.UNREACHABLE: "no configuration within the limits reaches the pose (proved)",
     Status.NEAREST: "the pose was not reached; this is a nearest point (stationary within the limits)",
     Status.BUDGET_SPENT: "the budget was spent before the pose was reached or a nearest point found",
+    Status.INVALID_TARGET: "the target holds NaN or inf: nothing was solved",
     Status.LIMITS_BROKEN: "no configuration within the further limits was found; this one breaks them",
 }
 
@@ -108,7 +112,7 @@ _OF_ROBOT = ("joint_names", "q_units", "condition_number", "active_limits", "bro
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution(_OfRobot):
-    """The answer to one target. `q` is finite and inside the limits to the bit, whatever the status.
+    """The answer to one target. `q` is finite and inside the limits to the bit, unless the status is INVALID_TARGET.
 
     `bool(solution)` is `solution.success`.
     """
@@ -136,6 +140,9 @@ class Solution(_OfRobot):
     False with success: the pose is reached, but the redundancy is not settled (at a singular pose it may never be)"""
     start_projected: bool
     """The given start `q0` was outside the limits and was moved onto them."""
+    target_deviation: float
+    """Largest entry of |R R^T - I| of a target given as an array, where it is above 1e-5, else 0: up to 2e-3 the
+    nearest rotation was taken, as is meant by three or four decimals"""
     backend: str
     """Who solved the QPs"""
     _setting: Setting | None = field(repr=False)
@@ -171,11 +178,15 @@ class Solution(_OfRobot):
     @cached_property
     def condition_number(self) -> float:
         """Of the tool's Jacobian at `q`: largest by smallest singular value"""
+        if self.status is Status.INVALID_TARGET:
+            return np.nan
         return self._setting.robot.condition_number(self.q)  # type: ignore[union-attr]
 
     @cached_property
     def active_limits(self) -> list[str]:
         """Limits that `q` stands on, such as "joint4 upper", and pairs at their margin, such as "link5 - table" """
+        if self.status is Status.INVALID_TARGET:
+            return []
         return active_limits(self._setting, self.q)  # type: ignore[arg-type]
 
     @cached_property
@@ -184,6 +195,8 @@ class Solution(_OfRobot):
 
         In the unit of the limit, for pairs of bodies what is missing of the margin [m]. Empty but for `LIMITS_BROKEN`.
         """
+        if self.status is Status.INVALID_TARGET:
+            return {}
         return broken_limits(self._setting, self.q)  # type: ignore[arg-type]
 
     @cached_property
@@ -213,7 +226,7 @@ class Solution(_OfRobot):
         """Why the solve ended as it did: what is left, which limits of the joints stand in the way, what each costs.
 
         `print(solution.explain())` says it in words. It solves the target again without those limits, which takes some
-        ten milliseconds. Raises `OptionError` for a solution that was pickled.
+        ten milliseconds. Raises `OptionError` for a solution that was pickled, `PoseError` for an invalid target.
         """
         from maira_qp.solvers.explanation import explain  # which knows this module
 
@@ -254,6 +267,7 @@ _VALUES = (
     "projected_gradient",
     "optimal",
     "start_projected",
+    "target_deviation",
     "backend",
 )
 
@@ -263,6 +277,13 @@ def solution_of(**values: Any) -> Solution:
     solution = object.__new__(Solution)
     solution.__dict__.update(values)
     return solution
+
+
+def with_deviation(solution: Solution, target: Any) -> Solution:
+    """The solution with the `target_deviation` of what it was asked for: a pose, or {frame: pose}."""
+    poses = target.values() if isinstance(target, Mapping) else () if target is None else (target,)
+    deviation = max((rounding_of(getattr(pose, "homogeneous", pose)) for pose in poses), default=0.0)
+    return solution if deviation == 0 else replace(solution, target_deviation=deviation)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -295,6 +316,8 @@ class BatchSolution(_OfRobot):
     """(N,) of bool"""
     start_projected: np.ndarray
     """(N,) of bool"""
+    target_deviation: np.ndarray
+    """(N,)"""
     backend: str
     _setting: Setting | None = field(repr=False)
     _asked: tuple[Priorities, np.ndarray] | None = field(repr=False)
@@ -304,8 +327,11 @@ class BatchSolution(_OfRobot):
     def condition_number(self) -> np.ndarray:
         """(N,)"""
         robot: Robot = self._setting.robot  # type: ignore[union-attr]
-        parts = [robot.jacobians(self.q[k : k + 4096]) for k in range(0, len(self), 4096)]
-        return np.concatenate([np.empty(0), *map(condition_numbers, parts)])
+        valid = self.status != Status.INVALID_TARGET
+        q, numbers = self.q[valid], np.full(len(self), np.nan)
+        parts = [robot.jacobians(q[k : k + 4096]) for k in range(0, len(q), 4096)]
+        numbers[valid] = np.concatenate([np.empty(0), *map(condition_numbers, parts)])
+        return numbers
 
     @cached_property
     def active_limits(self) -> list[list[str]]:
@@ -314,7 +340,7 @@ class BatchSolution(_OfRobot):
         lower, upper = setting.robot.lower + ACTIVE_WITHIN, setting.robot.upper - ACTIVE_WITHIN
         on_a_limit = (self.q <= lower) | (self.q >= upper) | setting.is_bent
         names: list[list[str]] = [[] for _ in range(len(self))]
-        for i in np.flatnonzero(on_a_limit.any(axis=1)):
+        for i in np.flatnonzero(on_a_limit.any(axis=1) & (self.status != Status.INVALID_TARGET)):
             names[i] = active_limits(setting, self.q[i])
         return names
 
@@ -339,6 +365,7 @@ class BatchSolution(_OfRobot):
             projected_gradient=np.full(count, np.nan),
             optimal=np.zeros(count, dtype=bool),
             start_projected=np.zeros(count, dtype=bool),
+            target_deviation=np.zeros(count),
             backend=backend,
             _setting=setting,
             _asked=asked,
@@ -347,8 +374,16 @@ class BatchSolution(_OfRobot):
     def put(self, i: int, solution: Solution) -> None:
         """Make this the i-th answer."""
         for name in _VALUES:
-            if name != "backend":
+            if name not in ("backend", "target_deviation"):
                 getattr(self, name)[i] = getattr(solution, name)
+
+    def refuse(self, invalid: np.ndarray) -> None:
+        """Say of some targets, (N,) of bool, that they hold NaN or inf: numbers are NaN, counts 0."""
+        self.status[invalid] = Status.INVALID_TARGET
+        for numbers in (self.q, self.position_error, self.orientation_error, self.cost, self.projected_gradient):
+            numbers[invalid] = np.nan
+        for counts in (self.success, self.optimal, self.start_projected, self.iterations, self.restarts):
+            counts[invalid] = 0
 
     def put_found(self, part: slice, outcome: np.ndarray, after: np.ndarray, tolerance: float) -> None:
         """What the compiled engine, which wrote the q, found for a part: see `Compiled.solve_batch`."""

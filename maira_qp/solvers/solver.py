@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.arrays import is_native, real_array
+from maira_qp.arrays import check_callable, is_count, is_native, is_number, real_array
 from maira_qp.display import Card, Shown
-from maira_qp.errors import BackendError, ConfigurationError, OptionError, listed
+from maira_qp.errors import BackendError, ConfigurationError, OptionError, listed, shown
 from maira_qp.problem.backends import Backend, available
 from maira_qp.problem.limits import Limit, Tick
 from maira_qp.problem.objectives import Posture
@@ -31,7 +31,7 @@ from maira_qp.solvers.general import General, residual
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.priorities import FARTHEST, Priorities, Targets
 from maira_qp.solvers.setting import Setting
-from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, solution_of
+from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, solution_of, with_deviation
 from maira_qp.solvers.targets import SEED_0, checked_seed, checked_starts
 from maira_qp.solvers.tick import keeps_further_limits, tick
 
@@ -88,7 +88,9 @@ class Solver(Shown):
         self._compiled: Compiled | None = None
         screening: Compiled | None = None
         self._compiled_tick: CompiledTick | None = None
-        if backend in (None, "compiled"):
+        if backend is not None and not isinstance(backend, (str, Backend)):
+            raise BackendError(f"backend must be a name or mq.Backend(name, settings), got {shown(backend)}")
+        if backend is None or backend == "compiled":
             from maira_qp.solvers.compiled import Compiled  # heavy: Numba comes with it
             from maira_qp.solvers.compiled_tick import CompiledTick
 
@@ -100,7 +102,7 @@ class Solver(Shown):
                 reason = possible if isinstance(possible, str) else "it has limits beside those of the joints"
                 raise BackendError(f"the compiled engine cannot take this: {reason}; {listed(available())}")
         if not isinstance(backend, Backend):
-            backend = Backend("daqp" if backend in (None, "compiled") else backend)
+            backend = Backend("daqp" if backend is None or backend == "compiled" else backend)
         further = tuple(limit.of(robot) for limit in limits)
         self._setting = Setting(robot, further, self._priorities.turns.window, backend, options)
         self._setting.check()
@@ -182,9 +184,11 @@ class Solver(Shown):
         Raises `PoseError`, `ConfigurationError`, `OptionError` for what cannot be meant; the rest is a `Status`.
         """
         seed = SEED_0 if rng is None else checked_seed(rng)
+        check_callable(observe, "observe", OptionError)
         if prefer is not None or metric is not None:
             check_preference(prefer, q0, self.redundancy, observe)
-            return self._closest(self._priorities.targets(target), posture_at(q0, metric, self.robot), seed)
+            closest = self._closest(self._priorities.targets(target), posture_at(q0, metric, self.robot), seed)
+            return with_deviation(closest, target)
         solution = self._answer(target, q0, seed, observe)
         return replace(solution, _q0=self._start(q0)) if solution.start_projected else solution
 
@@ -195,11 +199,15 @@ class Solver(Shown):
         start = q0 if q0 is None or is_native(q0, (self.robot.n,)) else self._start(q0)
         engine = self._search_engine
         if engine is None or observe is not None or self.options.deadline is not None:
-            return self._general.solve(self._priorities.targets(target), self._start(start), seed, observe)
+            solution = self._general.solve(self._priorities.targets(target), self._start(start), seed, observe)
+            return with_deviation(solution, target)
         native = self._native(target)
         fault, q, outcome, after = engine.solve(native, start, seed)
-        if fault:  # said in words, or for the general engine
-            return self._general.solve(self._priorities.targets(target), self._start(start), seed)
+        if fault:  # said in words, rounded, or for the general engine
+            targets = self._priorities.targets(target)
+            if fault == engine.NOT_RIGID:
+                return with_deviation(self._answer(targets, start, seed), target)
+            return self._general.solve(targets, self._start(start), seed)
         found, _, spent, _, position, orientation, moved = outcome
         reached = optimal = found > 0.0
         gradient = cost = math.nan
@@ -220,6 +228,7 @@ class Solver(Shown):
             projected_gradient=gradient,
             optimal=True,
             start_projected=moved > 0.0,
+            target_deviation=0.0,
             backend="compiled",
             _setting=self._setting,
             _asked=(self._priorities, native.copy()),
@@ -240,7 +249,7 @@ class Solver(Shown):
 
         Each target has a random stream of its own, made from the seed and the target itself, so that no answer depends
         on the order of the batch, on how it is split, or on the number of threads. A target with NaN or inf in it is
-        not solved, and costs no other anything: its status is BUDGET_SPENT, its errors are NaN.
+        not solved, and costs no other anything: its status is INVALID_TARGET, its q and all numbers are NaN.
 
         Args:
             targets: (N, 4, 4), or a sequence of `pin.SE3` and (4, 4) arrays; where tasks of several frames need one,
@@ -253,9 +262,10 @@ class Solver(Shown):
 
         Raises `PoseError`, `ConfigurationError` or `OptionError`, naming the target, before anything is solved.
         """
-        if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
-            raise OptionError(f"threads must be a positive whole number, got {threads!r}")
-        rows = self._priorities.rows(targets)
+        if threads is not None and not is_count(threads, 1):
+            raise OptionError(f"threads must be a positive whole number, got {shown(threads)}")
+        check_callable(progress, "progress", OptionError)
+        rows, deviations = self._priorities.rows(targets)
         starts = checked_starts(q0, len(rows), self.robot.n)
         words = checked_seed(seed)
         postures = None
@@ -263,6 +273,7 @@ class Solver(Shown):
             check_preference(prefer, starts, self.redundancy)
             postures = [posture_at(start, metric, self.robot) for start in starts]  # type: ignore[union-attr]
         batch = BatchSolution.blank(self._setting, self.backend, len(rows), (self._priorities, rows))
+        batch.target_deviation[:] = deviations
         finite = np.isfinite(rows[:, 0, 0])
         engine = self._search_engine
         if postures is not None or engine is None or self.options.deadline is not None or not engine.takes(starts):
@@ -276,6 +287,7 @@ class Solver(Shown):
                         batch.put(i, self._general.solve(targets, None if starts is None else starts[i], words))
                 if progress is not None:
                     progress(i + 1, len(rows))
+            batch.refuse(~finite)
             return batch
         all_of_it = self._priorities.is_done_by_search or engine.settles
         told = progress if all_of_it else None  # else what takes the time is yet to come
@@ -295,6 +307,7 @@ class Solver(Shown):
                 progress(i + 1, len(rows))
         if progress is not None and not (all_of_it or finite[-1:].all()):
             progress(len(rows), len(rows))
+        batch.refuse(~finite)
         return batch
 
     def solutions(self, target: Any, rng: Rng = None) -> Solutions:
@@ -363,12 +376,12 @@ class Solver(Shown):
 
         Raises `PoseError`, `ConfigurationError`, `OptionError`.
         """
-        if not isinstance(dt, (int, float, np.number)) or not 0 < dt < math.inf:
-            raise OptionError(f"dt must be a positive number of seconds, got {dt!r}")
-        if deadline is not None and not (isinstance(deadline, (int, float)) and deadline > 0):
-            raise OptionError(f"deadline must be a positive number of seconds, got {deadline!r}")
+        if not is_number(dt) or not 0 < dt < math.inf:
+            raise OptionError(f"dt must be a positive number of seconds, got {shown(dt)}")
+        if deadline is not None and not (is_number(deadline) and deadline > 0):
+            raise OptionError(f"deadline must be a positive number of seconds, got {shown(deadline)}")
         if not isinstance(keep_direction, (bool, np.bool_)):
-            raise OptionError(f"keep_direction must be True or False, got {keep_direction!r:.80}")
+            raise OptionError(f"keep_direction must be True or False, got {shown(keep_direction)}")
         is_general = deadline is not None or keep_direction
         step = None if is_general else self._compiled_step(q, target, float(dt), velocity)
         if step is not None:
@@ -414,4 +427,4 @@ def _frame_of(task: Task) -> str:
 
 def _check_type(value: Any, types: Any, name: str, example: str) -> None:
     if not isinstance(value, types):
-        raise OptionError(f"{name} must be something like {example}, got {value!r:.80}")
+        raise OptionError(f"{name} must be something like {example}, got {shown(value)}")

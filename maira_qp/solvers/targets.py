@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.arrays import is_native, real_array
-from maira_qp.errors import ConfigurationError, OptionError, PoseError
-from maira_qp.orientation import ORTHONORMAL_WITHIN, rigid
+from maira_qp.arrays import is_listing, is_native, real_array
+from maira_qp.errors import ConfigurationError, OptionError, PoseError, shown
+from maira_qp.orientation import ORTHONORMAL_WITHIN, rigid, rounding_of
 
 WORD = 2**64
 
@@ -29,26 +28,29 @@ def pose_of(row: np.ndarray) -> pin.SE3:
     return pin.SE3(row[:9].reshape(3, 3).copy(), row[9:].copy())
 
 
-def rows_of(T: np.ndarray) -> np.ndarray:
+def rows_of(T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Poses (N, 4, 4) as rows (N, 12), their rotations made exact; one with NaN or inf becomes NaN.
+
+    And how far each (N,) was from a rotation, see `rounding_of`.
 
     Raises `PoseError`, naming the first that is no rigid transformation.
     """
     from maira_qp.kernels.rigid import FINE, NOT_FINITE, pose_rows  # heavy: Numba comes with it
 
-    rows, faults = np.empty((len(T), 12)), np.empty(len(T), dtype=np.int64)
+    rows, faults, deviations = np.empty((len(T), 12)), np.empty(len(T), dtype=np.int64), np.zeros(len(T))
     pose_rows(T, ORTHONORMAL_WITHIN, rows, faults)
     if (faults != FINE).any():
         for i in np.flatnonzero(faults > NOT_FINITE):
             rows[i] = row_of(pin.SE3(rigid(T[i], f"target {i}")))
+            deviations[i] = rounding_of(T[i])
         rows[faults == NOT_FINITE] = np.nan
-    return rows
+    return rows, deviations
 
 
 def seed_words(seed: int) -> np.ndarray:
     """A seed as two words (2,). Raises `OptionError` if it does not fit."""
     if seed >= WORD**2:
-        raise OptionError(f"a seed must be below 2^128, got {seed:.3g}")
+        raise OptionError("a seed must be below 2^128")
     return np.array([seed % WORD, seed // WORD], dtype=np.uint64)
 
 
@@ -74,7 +76,7 @@ def streams(rows: np.ndarray, words: np.ndarray) -> np.ndarray:
 
 def poses_of_batch(targets: Any, name: str = "target") -> np.ndarray:
     """The targets of a batch as (N, 4, 4), checked; not a copy where none is needed. Raises `PoseError`."""
-    if isinstance(targets, (pin.SE3, str, bytes, Mapping)) or not isinstance(targets, Iterable):
+    if isinstance(targets, pin.SE3) or not is_listing(targets):
         raise PoseError(f"{name}s must be a sequence of poses, (N, 4, 4); for one target use solve")
     if not isinstance(targets, np.ndarray):
         targets = [each.homogeneous if isinstance(each, pin.SE3) else each for each in targets]
@@ -85,7 +87,8 @@ def poses_of_batch(targets: Any, name: str = "target") -> np.ndarray:
     try:
         return real_array(targets, (None, 4, 4), f"{name}s", PoseError, finite=None)
     except PoseError:
-        return np.array([rigid(each, f"{name} {i}") for i, each in enumerate(targets)]).reshape(-1, 4, 4)
+        poses = [real_array(T, (4, 4), f"{name} {i}", PoseError, finite=None) for i, T in enumerate(targets)]
+        return np.array(poses).reshape(-1, 4, 4)
 
 
 def checked_seed(value: Any) -> np.ndarray:
@@ -93,7 +96,7 @@ def checked_seed(value: Any) -> np.ndarray:
     if isinstance(value, np.random.Generator):
         value = value.integers(2**63)
     if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 0:
-        raise OptionError(f"a seed must be a non-negative integer (or, for rng, a Generator), got {value!r:.80}")
+        raise OptionError(f"a seed must be a non-negative integer (or, for rng, a Generator), got {shown(value)}")
     return seed_words(int(value))
 
 
@@ -101,6 +104,6 @@ def checked_starts(q0: Any, count: int, n: int) -> np.ndarray | None:
     """The starts (count, n) of a batch from one (n,) for all or one each; None: none. Raises `ConfigurationError`."""
     if q0 is None:
         return None
-    if np.ndim(q0) == 1:
+    if not is_listing(q0) or not any(is_listing(each) for each in q0):
         return np.tile(real_array(q0, (n,), "q0", ConfigurationError), (count, 1))
     return real_array(q0, (count, n), "q0", ConfigurationError)

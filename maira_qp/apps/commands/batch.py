@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from maira_qp.apps.commands.output import Angles, console, print_json, progress_bar
+from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.apps.pose_files.answers import check_output, columns, left_out, write_answers
 from maira_qp.apps.pose_files.poses import Poses, blocks, read_poses
 from maira_qp.errors import OptionError, PoseError
@@ -25,8 +26,9 @@ REMARKS = {
     "budget_spent": "BUDGET_SPENT: neither reached nor a nearest point",
     "unreachable": "UNREACHABLE: proved",
     "limits_broken": "LIMITS_BROKEN: no configuration within the further limits was found",
-    "without_pose": "rows without a pose (an empty cell, or not finite)",
+    "invalid_target": "INVALID_TARGET: rows without a pose (an empty cell, or not finite)",
     "first_not_solved": "the first that is not solved",
+    "targets_rounded": "orientations that were rounded; the nearest rotations were taken",
     "starts_moved_onto_limits": "starts outside the joint limits, moved onto them",
     "redundancy_not_settled": "solved, but the redundancy was not settled",
 }
@@ -69,7 +71,8 @@ class Batch:
         write_answers(output, poses.table, answers, joints)
         hints = _hints(solver.robot, poses, answers["success"], self.q0)
         summary = _summary(solver, poses, answers, seconds, hints) | {"output": str(output)}
-        print_json(summary) if json else _show(summary)
+        with reader_may_leave():
+            print_json(summary) if json else _show(summary)
         for name in left_out(output, poses.table):
             console(stderr=True).print(f"left out of {output}: {name!r}, which has no entry for each pose")
         return 0 if answers["success"].all() else 1
@@ -103,9 +106,11 @@ def _summary(
         "backend": solver.backend,
         "poses": count,
         "solved": int(solved.sum()),
-        **{status.name.lower(): int((answers["status"][valid] == status.name).sum()) for status in list(Status)[1:]},
+        **{status.name.lower(): int((answers["status"] == status.name).sum()) for status in list(Status)[1:]},
         "without_pose": int((~valid).sum()),
         "first_not_solved": None if solved.all() else poses.table.where(int(np.argmin(solved))),
+        "targets_rounded": int((poses.deviation > 0).sum()),
+        "worst_target_deviation": poses.deviation.max(initial=0.0),
         "starts_moved_onto_limits": int(answers["start_projected"][valid].sum()),
         "redundancy_not_settled": 0 if solver.redundancy is None else int(unsettled.sum()),
         "worst_position_error": answers["position_error"][valid].max() if valid.any() else None,

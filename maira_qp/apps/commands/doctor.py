@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import tyro
 
+from maira_qp.apps.left_pipes import reader_may_leave
+
 if TYPE_CHECKING:
     from maira_qp.apps.doctor import Finding
 
@@ -23,17 +25,22 @@ class Doctor:
 
     def run(self) -> int:
         """Prints the findings; the exit code as the class says."""
-        from maira_qp.apps.commands.output import print_json
         from maira_qp.apps.doctor import State, examine
 
         findings = list(examine())
         faults = [finding for finding in findings if finding.state is State.FAULT]
+        with reader_may_leave():
+            self._tell(findings, faults)
+        return SICK if faults else 0
+
+    def _tell(self, findings: list[Finding], faults: list[Finding]) -> None:
+        from maira_qp.apps.commands.output import print_json
+
         if self.json:
             rows = [{**asdict(finding), "state": finding.state.value} for finding in findings]
             print_json({"well": not faults, "findings": rows})
         else:
             _show(findings, faults)
-        return SICK if faults else 0
 
 
 def _show(findings: list[Finding], faults: list[Finding]) -> None:

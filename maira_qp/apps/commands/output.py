@@ -29,11 +29,18 @@ WIDTH_OF_FILES = 160
 """Columns of a table that goes into a file or a pipe, where no terminal tells."""
 
 
+class _Console(Console):
+    """One that does not end the process where the reader has gone away."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
+
+
 def console(*, stderr: bool = False) -> Console:
     """A console on stdout or stderr, as wide as the terminal or as COLUMNS says; wide where there is neither."""
     stream = sys.stderr if stderr else sys.stdout
     width = None if stream.isatty() or "COLUMNS" in os.environ else WIDTH_OF_FILES
-    return Console(file=stream, width=width, markup=False, highlight=False)
+    return _Console(file=stream, width=width, markup=False, highlight=False)
 
 
 def picture_is_possible(path: Path) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,11 +13,15 @@ import tyro
 
 from maira_qp.apps.commands.numbers import Position, Quaternion, Rpy
 from maira_qp.errors import PoseError
+from maira_qp.regular_files import read_regular
 
 if TYPE_CHECKING:
     import pinocchio as pin
 
     from maira_qp.apps.commands.output import Angles
+
+MAX_BYTES = 2**20
+"""Largest file of a matrix that is read [bytes]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +40,13 @@ class PoseChoice:
     """Take the nearest rotation to a rounded matrix or quaternion, on purpose."""
 
     @property
+    def deviation(self) -> float:
+        """How far the orientation is from a rotation, see `deviation_of`; of a pose that was loaded."""
+        from maira_qp.problem.pose import deviation_of
+
+        return deviation_of(self.quaternion, None if self.matrix is None else read_matrix(self.matrix))
+
+    @property
     def given(self) -> list[str]:
         """The flags that were given."""
         names = ("position", "quaternion", "rpy", "matrix")
@@ -42,7 +55,7 @@ class PoseChoice:
     def load(self, angles: Angles, others: str = "") -> pin.SE3:
         """The wanted pose; `others` are other ways to give it, for the message.
 
-        Raises `PoseError` if it is not given, or given twice; `OSError`.
+        Raises `PoseError` if it is not given, or given twice.
         """
         from maira_qp.problem.pose import pose
 
@@ -62,16 +75,18 @@ class PoseChoice:
 
 
 def read_matrix(path: Path) -> np.ndarray:
-    """Numbers from a file: .npy, .json, or text with blanks or commas between. Raises `PoseError`, `OSError`."""
+    """Numbers from a file: .npy, .json, or text with blanks or commas between. Raises `PoseError`."""
+    content = read_regular(path, "the matrix", PoseError, MAX_BYTES)
     try:
         if path.suffix.lower() == ".npy":
-            return np.load(path, allow_pickle=False)
-        text = path.read_text(encoding="utf-8")
+            with io.BytesIO(content) as file:
+                return np.lib.format.read_array(file, allow_pickle=False)
+        text = content.decode("utf-8-sig")
         if path.suffix.lower() == ".json":
-            import json
-
             return np.array(json.loads(text), dtype=float)
-        rows = [line.replace(",", " ").split() for line in text.splitlines()]
-        return np.array([[float(word) for word in row] for row in rows if row])
-    except (ValueError, TypeError, EOFError) as reason:
-        raise PoseError(f"{path} does not hold a matrix of numbers: {reason}") from None
+        rows = [row for line in text.splitlines() if (row := line.replace(",", " ").split())]
+        if not rows:
+            raise ValueError("it is empty")
+        return np.array([[float(word) for word in row] for row in rows])
+    except (ValueError, TypeError, EOFError, OverflowError, RecursionError, MemoryError) as reason:
+        raise PoseError(f"{path} does not hold a matrix of numbers: {reason!s:.300}") from None

@@ -15,6 +15,7 @@ from maira_qp.apps.commands.numbers import JointValues
 from maira_qp.apps.commands.pose_choice import PoseChoice
 from maira_qp.apps.commands.redundancy_choice import RedundancyChoice
 from maira_qp.apps.commands.robot_choice import RobotChoice
+from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.errors import OptionError
 from maira_qp.solvers.options import Options
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from maira_qp.solvers.solution import Solution
     from maira_qp.solvers.solutions import Solutions
 
-VERDICTS = {"CONVERGED": 0, "NEAREST": 1, "UNREACHABLE": 3, "BUDGET_SPENT": 4, "LIMITS_BROKEN": 6}
+VERDICTS = {"CONVERGED": 0, "NEAREST": 1, "UNREACHABLE": 3, "BUDGET_SPENT": 4, "INVALID_TARGET": 5, "LIMITS_BROKEN": 6}
 """Exit codes by the name of the status."""
 
 UNBOUNDED = 100_000
@@ -43,7 +44,8 @@ class Solve:
     With --batch FILE many poses, a pose a row. CSV and Parquet have columns x, y, z [m] with qw, qx, qy, qz (scalar
     first) or with roll, pitch, yaw [rad, or deg with --deg]; or m00, m01, ... m23, the rows of the 4x4 matrix (m30 to
     m33 may follow); if you like, a start q0_<joint> for each joint; further columns are carried along. NPZ has an array
-    targets (N, 4, 4); if you like, q0 (N, n). A row with an empty cell or NaN is not solved, and spoils no other.
+    targets (N, 4, 4); if you like, q0 (N, n). A row with an empty cell or NaN is not solved, and spoils no other:
+    its status is INVALID_TARGET, and its answers are empty cells (in NPZ NaN).
 
     The answers stand behind what the file held: success, status, position_error [m], orientation_error [rad],
     iterations, restarts, condition_number, active_limits (with ; between) and q_<joint> [rad, or deg with --deg; m for
@@ -103,18 +105,20 @@ class Solve:
             return batch.run(solver, angles, json=self.json)
         if self.all:
             solutions = solver.solutions(target, rng=seed)
-            if self.json:
-                print_json(_all_as_json(robot, angles, solutions))
-            else:
-                _show_all(robot, angles, solutions)
+            with reader_may_leave():
+                if self.json:
+                    print_json(_all_as_json(robot, angles, solutions))
+                else:
+                    _show_all(robot, angles, solutions)
             return 0 if solutions else 1
-        solution = solver.solve(target, q0=q0, rng=seed)
+        solution = replace(solver.solve(target, q0=q0, rng=seed), target_deviation=self.pose.deviation)
         rpy = "" if self.pose.rpy is None or self.deg else degrees_hint_of_angles(self.pose.rpy, "--rpy")
         hints = [f"{hint} (--deg)" if "degrees" in hint else hint for hint in (rpy, *solution.hints) if hint]
-        if self.json:
-            print_json(_as_json(robot, angles, solution) | {"hints": hints})
-        else:
-            _show(robot, angles, solution, hints)
+        with reader_may_leave():
+            if self.json:
+                print_json(_as_json(robot, angles, solution) | {"hints": hints})
+            else:
+                _show(robot, angles, solution, hints)
         return VERDICTS[solution.status.name]
 
     def _check_flags(self) -> None:
@@ -158,6 +162,8 @@ def _show(robot: Robot, angles: Angles, s: Solution, hints: Sequence[str]) -> No
         out.print(f"hint: {hint}", style="bold yellow")
     if s.success and not s.optimal:
         out.print("the redundancy was not settled: a better posture for this pose may exist nearby")
+    if s.target_deviation:
+        out.print(f"the orientation was rounded (off by {s.target_deviation:.2g}); the nearest rotation was taken")
     if s.start_projected:
         out.print("the start --q0 was outside the joint limits and was moved onto them")
     remarks = [

@@ -67,8 +67,16 @@ def write_answers(path: Path, table: Table, answers: Mapping[str, np.ndarray], j
     else:
         arrays += list(answers["q"].T)
     named = dict(zip(_names(suffix == ".npz", joint_names), arrays, strict=True))
+    invalid = answers["status"] == Status.INVALID_TARGET.name
+    if suffix != ".npz" and invalid.any():
+        named = {name: _without(array, invalid) for name, array in named.items()}
     with replacing(path) as file:
         {".csv": write_csv, ".npz": write_npz, ".parquet": write_parquet}[suffix](file, table, named)
+
+
+def _without(array: np.ndarray, invalid: np.ndarray) -> np.ndarray:
+    """A column (N,) whose numbers are masked where there was nothing to answer, (N,)."""
+    return np.ma.masked_array(array, mask=invalid) if array.dtype.kind in "if" else array
 
 
 def left_out(path: Path, table: Table) -> Sequence[str]:

@@ -93,4 +93,4 @@ def _hint(missing: Sequence[str], names: Sequence[str]) -> str:
         close = difflib.get_close_matches(wanted, written, n=1)
         if close:
             return f"; there is {written[close[0]]!r}: did you mean {wanted!r}?"
-    return f" among {', '.join(map(repr, names[:40]))}"
+    return f" among {', '.join(repr(name[:60]) for name in names[:40])}"

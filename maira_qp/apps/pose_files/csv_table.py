@@ -20,6 +20,7 @@ import numpy as np
 
 from maira_qp.apps.pose_files.table import ALL, Choose, Table
 from maira_qp.errors import PoseError
+from maira_qp.regular_files import LARGEST_TABLE, read_regular
 
 CHUNK = 2_000
 """So many rows are taken apart into cells at a time; more at a time are slower, and take memory."""
@@ -32,9 +33,9 @@ class CsvTable(Table):
     """A CSV file in memory, as its bytes."""
 
     def __init__(self, path: Path, choose: Choose) -> None:
-        """Reads a file. Raises `PoseError`, naming the line, for what is not a table or not a number; `OSError`."""
+        """Reads a file. Raises `PoseError`, naming the line, for what is not a table or not a number."""
         self.path = path
-        self._content = path.read_bytes()
+        self._content = read_regular(path, "the table", PoseError, LARGEST_TABLE)
         records = self._records()
         begin, end, cells = next(records, (0, 0, []))
         self.header = self._raw(begin, end)
@@ -157,6 +158,9 @@ def write_csv(file: BinaryIO, table: Table, answers: Mapping[str, np.ndarray]) -
 
 def _texts(column: Any) -> Iterable[str]:
     """Cells: numbers so that they read back to the bit, true and false, text in quotes where it needs them."""
+    if isinstance(column, np.ma.MaskedArray):  # an empty cell where it is masked
+        masked = np.ma.getmaskarray(column).tolist()
+        return ["" if gone else repr(value) for value, gone in zip(column.data.tolist(), masked, strict=True)]
     if isinstance(column, np.ndarray):
         if column.dtype.kind in "iuf":
             return map(repr, column.tolist())

@@ -14,6 +14,7 @@ import numpy as np
 from maira_qp.apps.pose_files.columns import LAST_ROW, MATRIX, START
 from maira_qp.apps.pose_files.table import ALL, Choose, Table, one_line
 from maira_qp.errors import PoseError
+from maira_qp.regular_files import LARGEST_TABLE, open_regular
 
 UNREADABLE = (ValueError, EOFError, KeyError, OSError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error)
 """What NumPy and zipfile raise for an archive that is damaged, encrypted, or packed in a way unknown to them."""
@@ -23,7 +24,7 @@ class NpzTable(Table):
     """An archive in memory. Its columns are the entries of a row: m00 to m33, q0_<joint>, and those of other arrays."""
 
     def __init__(self, path: Path, choose: Choose, joint_names: Sequence[str]) -> None:
-        """Reads a file. Raises `PoseError` for what is no archive and for missing or misshapen arrays; `OSError`."""
+        """Reads a file. Raises `PoseError` for what is no archive and for missing or misshapen arrays."""
         self.path = path
         self.arrays = _load(path)
         if len(self.arrays) != 1 and "targets" not in self.arrays:
@@ -65,13 +66,20 @@ def write_npz(file: BinaryIO, table: Table, answers: Mapping[str, np.ndarray]) -
 
 
 def _load(path: Path) -> dict[str, np.ndarray]:
-    with open(path, "rb") as file:
+    with open_regular(path, "the archive", PoseError, LARGEST_TABLE) as file:
         if not zipfile.is_zipfile(file):
             raise PoseError(f"{path} is no archive of arrays, or not the whole of one")
         file.seek(0)
         try:
+            with zipfile.ZipFile(file) as archive:
+                unpacked = sum(entry.file_size for entry in archive.infolist())
+            if unpacked > LARGEST_TABLE:
+                raise PoseError(f"{path} unpacks to {unpacked} bytes, more than the {LARGEST_TABLE} that are read")
+            file.seek(0)
             with np.load(file, allow_pickle=False) as archive:
                 return {name: archive[name] for name in archive.files}
+        except PoseError:
+            raise
         except UNREADABLE as reason:
             raise PoseError(f"{path} cannot be read as an archive of arrays: {one_line(reason)}") from None
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from maira_qp.apps.pose_files.table import ALL, Choose, Table, one_line
 from maira_qp.errors import OptionError, PoseError
+from maira_qp.regular_files import LARGEST_TABLE, open_regular
 
 
 def check_pyarrow() -> None:
@@ -23,14 +24,20 @@ class ParquetTable(Table):
     """A Parquet file in memory."""
 
     def __init__(self, path: Path, choose: Choose) -> None:
-        """Reads a file. Raises `PoseError` for what is no Parquet and for columns without numbers; `OSError`."""
+        """Reads a file. Raises `PoseError` for what is no Parquet and for columns without numbers."""
         import pyarrow as pa
         from pyarrow import parquet
 
         self.path = path
-        with open(path, "rb") as file:
+        with open_regular(path, "the table", PoseError, LARGEST_TABLE) as file:
             try:
-                self.table = parquet.ParquetFile(file).read()
+                stored = parquet.ParquetFile(file)
+                unpacked = _unpacked(stored.metadata)
+                if unpacked > LARGEST_TABLE:
+                    raise PoseError(f"{path} unpacks to {unpacked} bytes, more than the {LARGEST_TABLE} that are read")
+                self.table = stored.read()
+            except PoseError:
+                raise
             except (pa.ArrowException, OSError, ValueError) as reason:
                 raise PoseError(f"{path} cannot be read as Parquet: {one_line(reason)}") from None
         self.names = [name.strip() for name in self.table.column_names]
@@ -62,7 +69,9 @@ def write_parquet(file: BinaryIO, table: Table, answers: Mapping[str, np.ndarray
 
     whole = table.table if isinstance(table, ParquetTable) else _arrow(table.columns())
     for name, values in answers.items():
-        whole = whole.append_column(name, pa.array(values, pa.string() if values.dtype.kind == "O" else None))
+        mask = values.mask if isinstance(values, np.ma.MaskedArray) else None
+        text = pa.string() if values.dtype.kind == "O" else None
+        whole = whole.append_column(name, pa.array(np.asarray(values), text, mask=mask))
     parquet.write_table(whole, file)
 
 
@@ -76,6 +85,12 @@ def _arrow(columns: Mapping[str, Any]) -> Any:
         except pa.ArrowException as reason:
             raise PoseError(f"column {name!r} cannot be written as Parquet: {one_line(reason)}") from None
     return pa.table(arrays)
+
+
+def _unpacked(metadata: Any) -> int:
+    """How many bytes a table takes in memory, at the least."""
+    groups = (metadata.row_group(i).total_byte_size for i in range(metadata.num_row_groups))
+    return max(sum(groups), 8 * metadata.num_rows * metadata.num_columns)
 
 
 def _numeric(kind: Any) -> bool:

@@ -15,14 +15,14 @@ from maira_qp.apps.pose_files.npz_table import NpzTable
 from maira_qp.apps.pose_files.parquet_table import ParquetTable, check_pyarrow
 from maira_qp.apps.pose_files.table import Choose, Table
 from maira_qp.errors import OptionError, PoseError
-from maira_qp.orientation import ORTHONORMAL_WITHIN, exact_rotation, matrix_from_quaternion
+from maira_qp.orientation import ORTHONORMAL_WITHIN, ROUNDED_WITHIN, exact_rotation, matrix_from_quaternion
 
 FORMATS = (".csv", ".npz", ".parquet")
 BLOCK = 20_000
 """Poses are made and solved in blocks of so many, which bounds the memory; no answer depends on it."""
 Name = Callable[[int], str]
 """Where the i-th of some rows stands in the file, for a person."""
-ON_PURPOSE = "--project takes the nearest rotation on purpose"
+ON_PURPOSE = "to take the nearest rotation on purpose: --project"
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,8 @@ class Poses:
     """Take the nearest rotation to a rounded one, however far it is."""
     valid: np.ndarray
     """(N,) the row holds a pose: no cell of it is empty, all numbers are finite."""
+    deviation: np.ndarray
+    """(N,) how far its orientation is from a rotation, 0 within 1e-5; known once its target was made"""
 
     def __len__(self) -> int:
         return len(self.table)
@@ -48,7 +50,7 @@ class Poses:
         found = np.arange(len(self))[rows][self.valid[rows]]
         numbers = self.table.numbers[rows, : len(self.layout.pose)]
         T = np.full((len(numbers), 4, 4), np.nan)
-        T[self.valid[rows]] = _transformations(
+        T[self.valid[rows]], self.deviation[found] = _transformations(
             self.layout.form,
             numbers[self.valid[rows]],
             self.radian,
@@ -92,7 +94,7 @@ def read_poses(
         farthest: a coordinate [m] beyond which a position is a mistake.
         project: take the nearest rotation to a rounded one, however far it is.
 
-    Raises `PoseError`, which names the row or column, `OptionError`, `OSError`.
+    Raises `PoseError`, which names the row or column, `OptionError`.
     """
     check_format(path)
 
@@ -100,11 +102,11 @@ def read_poses(
         try:
             return layout(names, joint_names).names
         except PoseError as reason:
-            raise PoseError(f"{path}: {reason}") from None
+            raise reason.at(str(path)) from None
 
     table = _read(path, choose, joint_names)
     valid = np.logical_and.reduce(np.isfinite(table.numbers), axis=1)
-    poses = Poses(table, layout(table.names, joint_names), radian, scale, project, valid)
+    poses = Poses(table, layout(table.names, joint_names), radian, scale, project, valid, np.zeros(len(valid)))
     for rows in blocks(len(poses)):
         T = poses.targets(rows)  # a bad one is told now, not after the rows before it were solved
         distance = np.abs(T[:, :3, 3]).max(axis=1)
@@ -125,35 +127,37 @@ def _read(path: Path, choose: Choose, joint_names: Sequence[str]) -> Table:
     return NpzTable(path, choose, joint_names) if suffix == ".npz" else ParquetTable(path, choose)
 
 
-def _transformations(form: str, numbers: np.ndarray, radian: float, project: bool, name: Name) -> np.ndarray:
-    """Transformations (N, 4, 4) from the numbers (N, k) of poses."""
-    T = np.zeros((len(numbers), 4, 4))
+def _transformations(
+    form: str, numbers: np.ndarray, radian: float, project: bool, name: Name
+) -> tuple[np.ndarray, np.ndarray]:
+    """Transformations (N, 4, 4) from the numbers (N, k) of poses, and the deviations (N,) of their orientations."""
+    T, deviation = np.zeros((len(numbers), 4, 4)), np.zeros(len(numbers))
     T[:, 3, 3] = 1.0
     if form == "matrix":
         T.reshape(-1, 16)[:, : numbers.shape[1]] = numbers
         for i in np.flatnonzero((T[:, 3] != (0.0, 0.0, 0.0, 1.0)).any(axis=1))[:1]:
             raise PoseError(f"{name(i)}: the last row of the matrix must be 0, 0, 0, 1, not {T[i, 3].tolist()}")
-        T[:, :3, :3] = _from_matrices(T[:, :3, :3], project, name)
-        return T
-    T[:, :3, 3] = numbers[:, :3]
+        T[:, :3, :3], deviation = _from_matrices(T[:, :3, :3], project, name)
+    else:
+        T[:, :3, 3] = numbers[:, :3]
     if form == "quaternion":
-        T[:, :3, :3] = _from_quaternions(numbers[:, 3:], project, name)
-    elif len(numbers):
+        T[:, :3, :3], deviation = _from_quaternions(numbers[:, 3:], project, name)
+    elif form == "rpy" and len(numbers):
         from scipy.spatial.transform import Rotation  # not at the top: takes a while to load
 
         T[:, :3, :3] = Rotation.from_euler("xyz", numbers[:, 3:] / radian).as_matrix()
-    return T
+    return T, np.where(deviation > ORTHONORMAL_WITHIN, deviation, 0.0)
 
 
-def _from_matrices(M: np.ndarray, project: bool, name: Name) -> np.ndarray:
-    """Rotations (N, 3, 3) from matrices, those that are rounded made exact if `project`."""
+def _from_matrices(M: np.ndarray, project: bool, name: Name) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations (N, 3, 3) from matrices, those that are rounded made exact, and their deviations (N,)."""
     scale = np.abs(M).max(axis=(1, 2), initial=0.0)[:, None, None]
     with np.errstate(over="ignore", invalid="ignore"):
         deviation = np.abs(M @ M.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0)
-        off = ~(deviation <= ORTHONORMAL_WITHIN)
+        off, far = ~(deviation <= ORTHONORMAL_WITHIN), ~(deviation <= ROUNDED_WITHIN)
     R = M / np.where(scale > 0, scale, 1.0)
     if not project:
-        for i in np.flatnonzero(off)[:1]:
+        for i in np.flatnonzero(far)[:1]:
             raise PoseError(f"{name(i)}: max |R R^T - I| = {deviation[i]:.3g}: not orthonormal; {ON_PURPOSE}")
     U, S, Vt = np.linalg.svd(R[off])
     singular = np.zeros(len(M), dtype=bool)
@@ -162,22 +166,23 @@ def _from_matrices(M: np.ndarray, project: bool, name: Name) -> np.ndarray:
         try:
             exact_rotation(M[i], "pose", project=True)
         except PoseError as reason:
-            raise PoseError(f"{name(i)}: {reason}") from None
+            raise reason.at(name(i)) from None
     R[~off] = M[~off]
     R[off] = U @ Vt
-    return R
+    return R, deviation
 
 
-def _from_quaternions(q: np.ndarray, project: bool, name: Name) -> np.ndarray:
-    """Rotations (N, 3, 3) from quaternions (N, 4), of unit length unless `project`."""
+def _from_quaternions(q: np.ndarray, project: bool, name: Name) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations (N, 3, 3) from quaternions (N, 4), of unit length unless `project`, and their deviations (N,)."""
     largest = np.abs(q).max(axis=1, initial=0.0)
     for i in np.flatnonzero(largest == 0)[:1]:
         raise PoseError(f"{name(i)}: a zero quaternion has no direction")
     unit = q / largest[:, None]
     length = np.linalg.norm(unit, axis=1)
+    deviation = np.abs(largest * length - 1)
     if not project:
-        for i in np.flatnonzero(np.abs(largest * length - 1) > ORTHONORMAL_WITHIN)[:1]:
+        for i in np.flatnonzero(deviation > ROUNDED_WITHIN)[:1]:
             raise PoseError(
                 f"{name(i)}: the quaternion's norm is {largest[i] * length[i]:.6g}, not 1 (scalar first); {ON_PURPOSE}"
             )
-    return np.moveaxis(matrix_from_quaternion((unit / length[:, None]).T), 2, 0)
+    return np.moveaxis(matrix_from_quaternion((unit / length[:, None]).T), 2, 0), deviation

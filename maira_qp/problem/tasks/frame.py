@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.errors import OptionError
+from maira_qp.errors import OptionError, shown
 from maira_qp.orientation import orientation_error, skew
 from maira_qp.problem.pose import as_pose
 from maira_qp.problem.tasks.task import Task, checked_weights
@@ -74,8 +74,8 @@ class FrameTask(TargetTask):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.axes not in ("base", "target"):
-            raise OptionError(f"axes must be 'base' or 'target', got {self.axes!r}")
+        if not isinstance(self.axes, str) or self.axes not in ("base", "target"):
+            raise OptionError(f"axes must be 'base' or 'target', got {shown(self.axes)}")
         for name in ("position_weight", "orientation_weight"):
             value = getattr(self, name, None)
             if value is not None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from maira_qp.arrays import real_array
-from maira_qp.errors import OptionError, listed
+from maira_qp.errors import OptionError, listed, shown
 from maira_qp.problem.tasks.task import Task, checked_weights
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
@@ -50,7 +50,7 @@ class JointCouplingTask(Task):
         row = np.zeros((1, robot.n))
         for name, coefficient in self.coefficients.items():
             if name not in robot.joint_names:
-                raise OptionError(f"{name!r} is not a joint of {robot.name}; {listed(robot.joint_names, str(name))}")
+                raise OptionError(f"{shown(name)} is not a joint of {robot.name}; {listed(robot.joint_names, name)}")
             row[0, robot.joint_names.index(name)] = coefficient
         return replace(self, _row=row)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maira_qp.errors import OptionError
+from maira_qp.errors import OptionError, shown
 from maira_qp.problem.limits import Limit, Tick
 from maira_qp.problem.tasks.task import Task, checked_weights
 from maira_qp.robots.configuration import Configuration
@@ -30,7 +30,7 @@ class LimitTask(Task):
         checked_weights(self.weight, "weight", 1)
         if not isinstance(self.limit, Limit):
             raise OptionError(
-                f"limit of LimitTask must be a limit such as mq.LinearLimit(A, b), got {self.limit!r:.80}"
+                f"limit of LimitTask must be a limit such as mq.LinearLimit(A, b), got {shown(self.limit)}"
             )
 
     def of(self, robot: Robot) -> LimitTask:

@@ -27,7 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.errors import OptionError
+from maira_qp.arrays import is_count, is_number, real_array
+from maira_qp.errors import OptionError, shown
 from maira_qp.problem.limits import Tick
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
@@ -49,10 +50,10 @@ class Task(ABC):
     def __post_init__(self) -> None:
         """Raises `OptionError`."""
         check_place(self.priority, self.gain)
-        if not (_is_number(self.damping) and 0 <= self.damping < math.inf):
-            raise OptionError(f"damping must be a number >= 0, got {self.damping!r}")
+        if not (is_number(self.damping) and 0 <= self.damping < math.inf):
+            raise OptionError(f"damping must be a number >= 0, got {shown(self.damping)}")
         if not isinstance(self.equality, (bool, np.bool_)):
-            raise OptionError(f"equality must be True or False, got {self.equality!r}")
+            raise OptionError(f"equality must be True or False, got {shown(self.equality)}")
 
     def of(self, robot: Robot) -> Task:
         """The task with everything that depends on the robot filled in and checked. Raises `OptionError`."""
@@ -123,23 +124,20 @@ class Task(ABC):
 
 def check_place(priority: object, gain: object) -> None:
     """Raises `OptionError` for a priority or a gain that is none."""
-    if not isinstance(priority, (int, np.integer)) or isinstance(priority, bool) or priority < 1:
-        raise OptionError(f"priority must be a whole number >= 1, got {priority!r}")
-    if not (_is_number(gain) and 0 < gain <= 1):  # type: ignore[operator]
-        raise OptionError(f"gain must be in (0, 1], got {gain!r}")
+    if not is_count(priority, 1) or isinstance(priority, (float, np.floating)):
+        raise OptionError(f"priority must be a whole number >= 1, got {shown(priority)}")
+    if not (is_number(gain) and 0 < gain <= 1):  # type: ignore[operator]
+        raise OptionError(f"gain must be in (0, 1], got {shown(gain)}")
 
 
 def checked_weights(value: object, name: str, size: int) -> np.ndarray:
     """Weights (size,) from one number for all or one each, >= 0 and not all 0. Raises `OptionError`."""
     try:
-        weights = np.array(np.broadcast_to(np.asarray(value), (size,)), dtype=np.float64)
-    except (TypeError, ValueError):
-        weights = np.full(size, np.nan)
-    boolean = isinstance(value, (bool, str)) or np.asarray(value).dtype.kind not in "iuf"
-    if boolean or not (np.isfinite(weights).all() and (weights >= 0).all() and weights.any()):
-        raise OptionError(f"{name} must be a positive number, or {size} of them of which some may be 0, got {value!r}")
+        shape = () if np.ndim(value) == 0 else (size,)  # type: ignore[arg-type]
+        weights = np.array(np.broadcast_to(real_array(value, shape, name, OptionError), (size,)))
+    except Exception:  # ragged lists, and whatever a class of the caller's own raises
+        weights = np.zeros(size)
+    if (weights < 0).any() or not weights.any():
+        told = f"must be a positive number, or {size} of them of which some may be 0"
+        raise OptionError(f"{name} {told}, got {shown(value)}")
     return weights
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)

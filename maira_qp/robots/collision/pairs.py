@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from maira_qp.errors import OptionError, RobotError, listed
+from maira_qp.arrays import is_listing
+from maira_qp.errors import OptionError, RobotError, listed, shown
 from maira_qp.robots.collision.scene import Part, Scene
 from maira_qp.robots.robot import Robot
 from maira_qp.robots.xml_text import xml_root
@@ -86,14 +87,14 @@ def srdf_pairs(source: str | os.PathLike[str], links: Sequence[str]) -> set[Name
 def named_pairs(allowed: Any, names: Sequence[str]) -> set[NamePair]:
     """Pairs of names as sets. Raises `OptionError`."""
     wanted = 'allowed must be "adjacent", "sampled", the path of an SRDF file, or a sequence of pairs of names'
-    if not isinstance(allowed, Iterable):
-        raise OptionError(f"{wanted}, not {allowed!r:.80}")
+    if not is_listing(allowed):
+        raise OptionError(f"{wanted}, not {shown(allowed)}")
     pairs: set[NamePair] = set()
     for pair in allowed:
-        if isinstance(pair, str) or not isinstance(pair, Iterable) or len(pair := tuple(pair)) != 2:
-            raise OptionError(f"{wanted}; this is not a pair of names: {pair!r:.80}")
+        if not is_listing(pair) or len(pair := tuple(pair)) != 2:
+            raise OptionError(f"{wanted}; this is not a pair of names: {shown(pair)}")
         for name in pair:
-            if name not in names:
-                raise OptionError(f"allowed: {name!r} is not a link or an obstacle; {listed(names, str(name))}")
+            if not isinstance(name, str) or name not in names:
+                raise OptionError(f"allowed: {shown(name)} is not a link or an obstacle; {listed(names, name)}")
         pairs.add(frozenset(pair))
     return pairs

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.arrays import real_array
-from maira_qp.errors import OptionError
+from maira_qp.errors import OptionError, shown
 from maira_qp.orientation import rigid
 from maira_qp.robots.collision.meshes import convex_hull, convex_solid, find_mesh, mesh_points
 
@@ -28,7 +28,7 @@ class Shape(ABC):
         """The pose as a copy, the sizes of those array shapes as floats. Raises `OptionError`, `PoseError`."""
         kind = type(self).__name__
         if not isinstance(self.name, str):
-            raise OptionError(f"name of a {kind} must be text, not {self.name!r:.80}")
+            raise OptionError(f"name of a {kind} must be text, not {shown(self.name)}")
         T = self.pose.homogeneous if isinstance(self.pose, pin.SE3) else np.eye(4) if self.pose is None else self.pose
         T = rigid(T, f"pose of a {kind}")
         object.__setattr__(self, "pose", pin.SE3(T[:3, :3].copy(), T[:3, 3].copy()))
@@ -169,7 +169,7 @@ class Mesh(Shape):
 def _checked_mesh(source: Any) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (k, 3) and faces (m, 3). Raises `OptionError`."""
     if not isinstance(source, (tuple, list)) or len(source) != 2:
-        raise OptionError(f"a Mesh is made of a file, or of (vertices, faces), not of {source!r:.80}")
+        raise OptionError(f"a Mesh is made of a file, or of (vertices, faces), not of {shown(source)}")
     vertices = real_array(source[0], (None, 3), "vertices of a Mesh", OptionError)
     faces = real_array(source[1], (None, 3), "faces of a Mesh", OptionError)
     if not faces.size or not np.isin(faces, np.arange(len(vertices))).all():
