@@ -70,5 +70,8 @@ def test_a_batch_row_without_a_pose_is_answered_by_nan_and_spoils_no_other(robot
         assert one.status is mq.Status.INVALID_TARGET
         assert math.isnan(batch[1].condition_number)
         assert "NaN" in one.status.meaning
+        assert "INVALID_TARGET" in repr(batch[1])
+        assert batch[1].as_dict()["condition_number"] is None
+        assert repr(batch)
     with pytest.raises(PoseError):
         solver.solve({tip: T[1] for tip, T in targets.items()})

@@ -214,7 +214,7 @@ class Solution(_OfRobot):
     def hints(self) -> tuple[str, ...]:
         """What looks like millimetres or degrees where metres and radians are asked for, a sentence each. Nothing was
         converted. A pickle has lost them."""
-        if self._asked is None or self._setting is None:
+        if self._asked is None or self._setting is None or self.status is Status.INVALID_TARGET:
             return ()
         (priorities, asked), robot = self._asked, self._setting.robot
         targets = {} if self.success else priorities.targets(asked)
