@@ -173,20 +173,20 @@ def run(capsys):
 
 def test_rounded_flags_and_files_are_taken_and_the_answer_says_so(run, tmp_path):
     at = ("solve", "--position", 0.4, 0, 0.5)
-    code, out, _ = run(*at, "--quaternion", 0.577, 0.577, 0.577, 0, "--json")
+    code, out, _ = run(*at, "--quaternion", 0, 0.707, 0.707, 0, "--json")
     assert code == 0
-    assert json.loads(out)["target_deviation"] == pytest.approx(abs(0.577 * 3**0.5 - 1))
-    assert "the orientation was rounded" in run(*at, "--quaternion", 0.577, 0.577, 0.577, 0)[1]
+    assert json.loads(out)["target_deviation"] == pytest.approx(abs(0.707 * 2**0.5 - 1))
+    assert "the orientation was rounded" in run(*at, "--quaternion", 0, 0.707, 0.707, 0)[1]
     assert json.loads(run(*at, "--quaternion", 0, 1, 0, 0, "--json")[1])["target_deviation"] == 0
-    told = misuse(run(*at, "--quaternion", 0.58, 0.58, 0.58, 0))
+    told = misuse(run(*at, "--quaternion", 0, 0.72, 0.72, 0))
     assert "norm" in told
     assert told.endswith("--project\n")
-    (tmp_path / "p.csv").write_text("x,y,z,qw,qx,qy,qz\n0.4,0,0.5,0.577,0.577,0.577,0\n0.4,0,0.5,0,1,0,0\n,,,,,,\n")
+    (tmp_path / "p.csv").write_text("x,y,z,qw,qx,qy,qz\n0.4,0,0.5,0,0.707,0.707,0\n0.4,0,0.5,0,1,0,0\n,,,,,,\n")
     code, out, _ = run("solve", "--batch", tmp_path / "p.csv", "--json")
     summary = json.loads(out)
     assert (code, summary["solved"], summary["invalid_target"], summary["targets_rounded"]) == (1, 2, 1, 1)
     assert 1e-4 < summary["worst_target_deviation"] < 2e-3
-    (tmp_path / "p.csv").write_text("x,y,z,qw,qx,qy,qz\n0.4,0,0.5,0.58,0.58,0.58,0\n")
+    (tmp_path / "p.csv").write_text("x,y,z,qw,qx,qy,qz\n0.4,0,0.5,0,0.72,0.72,0\n")
     assert misuse(run("solve", "--batch", tmp_path / "p.csv")).endswith("--project\n")
 
 
