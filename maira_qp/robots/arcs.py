@@ -29,9 +29,8 @@ Source: Shimizu et al., "Analytical inverse kinematic computation for 7-DOF redu
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
 
 import numpy as np
 import pinocchio as pin
@@ -50,9 +49,12 @@ from maira_qp.robots.srs import (
     rotations,
     wrapped,
 )
+from maira_qp.robots.whole_turns import WholeTurns, first_choices
 
 WITHIN = 1e-12
 """A joint beyond a limit by at most this [rad] is at the limit: it is clipped."""
+MOST, FARTHEST_TURN = 1024, 64
+"""Arcs of a list at most, those included that differ by whole turns, and how many turns away they may be."""
 _TURN = 2 * np.pi
 _NEAR = 1e-9
 """A joint nearer [rad] to its seam is there, a spherical joint nearer to its singularity is singular."""
@@ -71,6 +73,8 @@ class Arc(Shown):
     """[rad], from `lower` to `lower` + 2 pi: beyond pi where the arc passes pi"""
     turns: tuple[int, ...]
     """Whole turns (7,) of the joints, counted from the first that is within the limits"""
+    room: tuple[int, ...]
+    """How many turns further (7,) the joints could be; none in what `arcs` lists"""
     _knots: np.ndarray
     """The ends and the cuts between them (k,) [rad]"""
     _angles: np.ndarray
@@ -114,32 +118,58 @@ class Arc(Shown):
 
     def _on_seam(self, psi: float, q: np.ndarray) -> np.ndarray:
         """Angles (7,) with the joints that are at their seam on that side of it where the nearest knot has them."""
-        nearest, seam = self._angles[np.abs(psi - self._knots).argmin()], self.robot.lower
+        nearest, seam = self._angles[np.abs(psi - self._knots).argmin()], self._srs.lower
         return np.where(_is_at(self._srs, seam, q) & _is_at(self._srs, seam, nearest), nearest, q)
 
     def _polished(self, q: np.ndarray) -> np.ndarray:
         """Angles (7,) at an end, where some are moved to their limits, with the rest moved so that the pose is kept."""
-        robot = self.robot
-        free = (robot.lower < q) & (q < robot.upper)
+        robot, lower, upper = self.robot, self._srs.lower, self._srs.upper
+        free = (lower < q) & (q < upper)
         J = robot.jacobian(q)[:, free]
         q = q.copy()
         q[free] += np.linalg.lstsq(J, pose_error(robot.forward(q), self._elbow.target), rcond=1e-6)[0]
-        return np.clip(q, robot.lower, robot.upper)
+        return np.clip(q, lower, upper)
 
 
 def arcs(srs: SRS, T: np.ndarray | pin.SE3) -> list[Arc]:
     """All configurations within the limits that put the tip at T (4, 4); empty where there are none.
 
-    Raises `PoseError`. See `maira_qp.robots.srs` for the exact singularities that are not covered.
+    Where whole turns make more than `MOST` of them, those are left out that are the most turns away from the middle of
+    the limits. Raises `PoseError`. See `maira_qp.robots.srs` for the exact singularities that are not covered.
     """
-    return [arc for elbow in srs.elbow_branches(checked_pose(T)) for arc in _arcs_of_elbow(srs, elbow)]
+    return arcs_near(srs, T, srs.robot.middle)[0]
+
+
+def arcs_near(srs: SRS, T: np.ndarray | pin.SE3, reference: np.ndarray) -> tuple[list[Arc], bool]:
+    """`arcs`, and whether these are all: else the most turns away from a reference (7,) [rad] are left out.
+
+    No joint is looked at more than `FARTHEST_TURN` turns away from it.
+    """
+    turns = WholeTurns(srs.robot, reference)
+    lower, upper = turns.around(FARTHEST_TURN)
+    lower, upper = np.maximum(lower, srs.lower), np.minimum(upper, srs.upper)
+    complete = bool((lower == srs.lower).all() and (upper == srs.upper).all())
+    srs = srs.limited(lower, upper)
+    found = [arc for elbow in srs.elbow_branches(checked_pose(T)) for arc in _arcs_of_elbow(srs, elbow)]
+    each = [_turned(arc, turns.aim, MOST // len(found)) for arc in found]
+    return [arc for some, _ in each for arc in some], complete and all(all_of_them for _, all_of_them in each)
+
+
+def _turned(arc: Arc, reference: np.ndarray, most: int) -> tuple[list[Arc], bool]:
+    """An arc at all whole turns that there is room for, but at most so many, and whether these are all."""
+    middle = arc._angles[len(arc._angles) // 2]
+    nearest = np.round((reference - middle) / _TURN)
+    turns = [np.arange(first, first + more + 1) for first, more in zip(arc.turns, arc.room, strict=True)]
+    turns = [each[np.argsort(np.abs(each - near), kind="stable")] for each, near in zip(turns, nearest, strict=True)]
+    chosen, complete = first_choices(turns, most)
+    return [replace(arc, turns=tuple(int(k) for k in each), room=(0,) * 7) for each in chosen], complete
 
 
 def at_each(found: Sequence[Arc], which: np.ndarray, psi: np.ndarray) -> np.ndarray:
     """`Arc.at` at each psi (N,) [rad], on the arc of the number `which` (N,), of arcs for one pose: (N, 7) [rad]."""
     if not len(psi):
         return np.empty((0, 7))
-    srs, robot = found[0]._srs, found[0].robot
+    srs = found[0]._srs
     lower, upper = np.array([(arc.lower, arc.upper) for arc in found])[which].T
     turns = _TURN * np.array([arc.turns for arc in found])[which]
     places = np.array([BRANCHES.index(arc.branch) % 4 for arc in found])[which]
@@ -149,9 +179,9 @@ def at_each(found: Sequence[Arc], which: np.ndarray, psi: np.ndarray) -> np.ndar
         q[rows] = srs.evaluate(elbow, psi[rows])[np.arange(len(rows)), places[rows]]
     q = _from_seam(srs, q)
     within = q.copy()
-    for k in np.flatnonzero(_is_at(srs, robot.lower, q).any(axis=1)):
+    for k in np.flatnonzero(_is_at(srs, srs.lower, q).any(axis=1)):
         within[k] = found[which[k]]._on_seam(psi[k], q[k])
-    within = np.clip(within + turns, robot.lower, robot.upper)
+    within = np.clip(within + turns, srs.lower, srs.upper)
     for k in np.flatnonzero((within != q + turns).any(axis=1)):
         within[k] = found[which[k]]._polished(within[k])
     return within
@@ -227,32 +257,44 @@ class _Cells:
         knots, angles = self.cuts[places % count] + _TURN * (places // count), self.after[places % count]
         if self.begins[first]:
             angles[-1] = self.before[places[-1] % count]
-            steps, outside = np.diff(knots), ~_is_inside(self.srs, angles)
+            knots, steps = knots.copy(), np.diff(knots)
+            for end, cut, step in ((0, first, steps[0]), (-1, first + cells, -steps[-1])):
+                if self.singular[cut % count]:
+                    knots[end], angles[end] = self._regular_from(knots[end], step)
+            outside = ~_is_inside(self.srs, angles)
             lower = self._inside_from(knots[0], steps[0]) if outside[0] else float(knots[0])
             upper = self._inside_from(knots[-1], -steps[-1]) if outside[-1] else float(knots[-1])
         else:
             knots, angles = np.concatenate([knots - _TURN, knots]), np.concatenate([angles, angles])
             lower, upper = -np.pi, np.pi
         shift = _TURN if lower == -np.pi and upper < np.pi else 0.0  # -pi itself is written pi
-        for turns in _choices(self.room[first]):
-            yield Arc(
-                self.branch, lower + shift, upper + shift, tuple(turns), knots + shift, angles, self.elbow, self.srs
-            )
+        ends, room = (lower + shift, upper + shift), tuple(int(more) for more in self.room[first])
+        yield Arc(self.branch, *ends, (0,) * 7, room, knots + shift, angles, self.elbow, self.srs)
 
     def _isolated(self) -> Iterator[Arc]:
         """The configurations at the cuts that are within the limits, and on no arc of the cells beside them."""
-        srs, robot = self.srs, self.srs.robot
-        at_end = _is_at(srs, robot.lower, self.at_cut) | _is_at(srs, robot.upper, self.at_cut)
+        srs = self.srs
+        at_end = _is_at(srs, srs.lower, self.at_cut) | _is_at(srs, srs.upper, self.at_cut)
         alone = ~(self.inside | np.roll(self.inside, 1)) | at_end.any(axis=1)
         for i in np.flatnonzero(_is_inside(srs, self.at_cut) & alone):
-            sides = ((self.before[i], i - 1), (self.after[i], i))
-            known = [angles + _TURN * _choices(self.room[cell]) for angles, cell in sides if self.inside[cell]]
-            for turns in _choices(_room(srs, self.at_cut[i])):
-                q = self.at_cut[i] + _TURN * turns
-                if all(np.abs(each - q).max(axis=1).min() > _NEAR for each in known):
-                    psi = float(self.cuts[i]) if self.cuts[i] > -np.pi else np.pi
-                    knots, angles = np.array([psi]), self.at_cut[[i]]
-                    yield Arc(self.branch, psi, psi, tuple(turns), knots, angles, self.elbow, srs)
+            boxes = [(np.zeros(7, int), _room(srs, self.at_cut[i]).astype(int))]
+            for angles, cell in ((self.before[i], i - 1), (self.after[i], i)):
+                further = np.round((angles - self.at_cut[i]) / _TURN)
+                if self.inside[cell] and np.abs(angles - self.at_cut[i] - _TURN * further).max() <= _NEAR:
+                    known = further.astype(int), (further + self.room[cell]).astype(int)
+                    boxes = [part for box in boxes for part in _without(box, known)]
+            psi = float(self.cuts[i]) if self.cuts[i] > -np.pi else np.pi
+            for first, last in boxes:
+                turns, room = tuple(first.tolist()), tuple((last - first).tolist())
+                yield Arc(self.branch, psi, psi, turns, room, np.array([psi]), self.at_cut[[i]], self.elbow, srs)
+
+    def _regular_from(self, end: float, step: float) -> tuple[float, np.ndarray]:
+        """Where next to a singular end [rad] the joints' angles (7,) can be told, and these: `step` is as below."""
+        psi = end + 0.5 * step * 0.5 ** np.arange(48, -1, -2.0)
+        regular = ~_is_singular(self.srs, self.elbow, psi, 10 * _NEAR)
+        psi = psi[[regular.argmax() if regular.any() else -1]]
+        place = BRANCHES.index(self.branch) % 4
+        return float(psi[0]), _from_seam(self.srs, self.srs.evaluate(self.elbow, psi)[:, place])[0]
 
     def _inside_from(self, end: float, step: float) -> float:
         """The end of an arc [rad] that rounding put outside, moved inwards; `step` [rad] is its cell, from there on."""
@@ -334,7 +376,7 @@ def _distinct(srs: SRS, elbow: ElbowBranch, cuts: np.ndarray) -> np.ndarray:
     """The cuts (k,), with one in the middle for those between which some joint does not leave its seam."""
     widths = _widths(cuts)
     q = _from_seam(srs, srs.evaluate(elbow, np.concatenate([cuts, cuts + 0.5 * widths])))
-    start, middle = np.split(_is_at(srs, srs.robot.lower, q, WITHIN), 2)
+    start, middle = np.split(_is_at(srs, srs.lower, q, WITHIN), 2)
     stays = (start & middle & np.roll(start, -1, axis=0)).any(axis=(1, 2)) & (widths < _NARROW)
     pinched = stays | (widths < _ROUNDING)
     first, last = np.flatnonzero(~np.roll(pinched, 1)), np.flatnonzero(~pinched)
@@ -343,27 +385,42 @@ def _distinct(srs: SRS, elbow: ElbowBranch, cuts: np.ndarray) -> np.ndarray:
     return np.sort(-wrapped(-(cuts[first] + half)))
 
 
-def _is_singular(srs: SRS, elbow: ElbowBranch, cuts: np.ndarray) -> np.ndarray:
-    """At which cuts (k,) shoulder or wrist are singular."""
+def _is_singular(srs: SRS, elbow: ElbowBranch, cuts: np.ndarray, within: float = _NEAR) -> np.ndarray:
+    """At which cuts (k,) shoulder or wrist are singular to so much [rad]."""
     pairs = zip(srs.joints, (elbow.shoulder, elbow.wrist), strict=True)
-    return np.any([joint.nearness(circle.at(cuts)) < _NEAR for joint, circle in pairs], axis=0)
+    return np.any([joint.nearness(circle.at(cuts)) < within for joint, circle in pairs], axis=0)
 
 
-def _choices(room: np.ndarray) -> np.ndarray:
-    """All turns (k, 7) of the joints from none to as many as there is room for (7,)."""
-    return np.array(list(product(*(range(int(most) + 1) for most in room))))
+Box = tuple[np.ndarray, np.ndarray]
+"""The first and the last turns (7,) of the joints."""
+
+
+def _without(box: Box, other: Box) -> Iterator[Box]:
+    """The turns of a box that are not in another, as boxes."""
+    (first, last), (low, high) = box, other
+    if (np.maximum(first, low) > np.minimum(last, high)).any():
+        yield box
+        return
+    for i in range(len(first)):
+        for begin, end in ((first[i], low[i] - 1), (high[i] + 1, last[i])):
+            if begin <= end:
+                part = first.copy(), last.copy()
+                part[0][i], part[1][i] = begin, end
+                yield part
+        first, last = first.copy(), last.copy()
+        first[i], last[i] = max(first[i], low[i]), min(last[i], high[i])
 
 
 def _room(srs: SRS, q: np.ndarray) -> np.ndarray:
     """How many whole turns further than q (..., 7), within the turn from the seam on, the joints can be; NaN: none."""
-    finite = np.isfinite(srs.robot.upper)
-    beyond = np.where(finite, np.where(finite, srs.robot.upper, 0.0) - q + WITHIN, 0.0)
+    finite = np.isfinite(srs.upper)
+    beyond = np.where(finite, np.where(finite, srs.upper, 0.0) - q + WITHIN, 0.0)
     return np.floor(np.fmax(beyond, 0.0) / _TURN)
 
 
 def _from_seam(srs: SRS, q: np.ndarray) -> np.ndarray:
     """The same angles (..., 7) within the turn that begins at the seam; in (-pi, pi] of a continuous joint."""
-    lower = srs.robot.lower
+    lower = srs.lower
     finite = np.isfinite(lower)
     start = np.where(finite, lower, 0.0) - WITHIN
     turned = start + np.mod(q - start, _TURN)
@@ -372,7 +429,7 @@ def _from_seam(srs: SRS, q: np.ndarray) -> np.ndarray:
 
 def _is_inside(srs: SRS, q: np.ndarray) -> np.ndarray:
     """Whether each of q (..., 7), within the turn from the seam on, or NaN for none, is within the limits."""
-    return np.asarray((q <= srs.robot.upper + WITHIN).all(axis=-1))
+    return np.asarray((q <= srs.upper + WITHIN).all(axis=-1))
 
 
 def _is_at(srs: SRS, limits: np.ndarray, q: np.ndarray, within: float = _NEAR) -> np.ndarray:
@@ -389,13 +446,13 @@ def _towards(srs: SRS, elbow: ElbowBranch, cuts: np.ndarray, q: np.ndarray, step
     cell.
     """
     q = q.copy()
-    at_seam = _is_at(srs, srs.robot.lower, q)
+    at_seam = _is_at(srs, srs.lower, q)
     rows = np.flatnonzero(at_seam.any(axis=(1, 2)))
     psi = cuts[rows, None] + steps[rows, None] * 0.5 ** np.arange(48, 0, -2.0)
     path = _from_seam(srs, srs.evaluate(elbow, psi.ravel())).reshape(*psi.shape, 4, 7)
-    past = path - np.where(np.isfinite(srs.robot.lower), srs.robot.lower, 0.0)
+    past = path - np.where(np.isfinite(srs.lower), srs.lower, 0.0)
     departed = (past > _NEAR) & (past < _TURN - _NEAR)
     first = np.take_along_axis(past, departed.argmax(axis=1)[:, None], axis=1)[:, 0]
     further = departed.any(axis=1) & (first > np.pi)
-    q[rows] = np.where(at_seam[rows], srs.robot.lower + np.where(further, _TURN, 0.0), q[rows])
+    q[rows] = np.where(at_seam[rows], srs.lower + np.where(further, _TURN, 0.0), q[rows])
     return q

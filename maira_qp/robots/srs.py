@@ -31,7 +31,7 @@ first and the last joint turn against each other at a single psi: one pair of th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -49,6 +49,9 @@ REACHED_WITHIN = 1e-13
 """Distances beyond the annulus by at most this, in lengths of the arm, and angles into a hole by at most this [rad] are
 rounding: the pose is still reached to that."""
 _SMALL = 1e-9
+NEARLY_SINGULAR = 1e-6
+"""A shoulder or wrist nearer to its singularity [rad] counts as singular: its first and last joint turn so fast that
+joint limits cannot be told apart."""
 
 
 class Branch(NamedTuple):
@@ -183,6 +186,10 @@ class SRS:
     """M (4, 4)"""
     reference: np.ndarray
     """Direction (3,) in the base that psi counts from"""
+    lower: np.ndarray
+    """Lower limits (7,) [rad], -inf for a continuous joint: the robot's, or tighter ones, see `limited`"""
+    upper: np.ndarray
+    """Upper limits (7,) [rad], inf for a continuous joint"""
 
     @staticmethod
     def of(robot: Robot, reference: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> SRS | None:
@@ -195,6 +202,10 @@ class SRS:
         """Why a robot is not S-R-S; None if it is."""
         found = _geometry(robot, (0.0, 0.0, 1.0))
         return found if isinstance(found, str) else None
+
+    def limited(self, lower: np.ndarray, upper: np.ndarray) -> SRS:
+        """The same arm with limits (7,) and (7,) [rad] within those of the robot."""
+        return replace(self, lower=lower, upper=upper)
 
     @cached_property
     def joints(self) -> tuple[SphericalJoint, SphericalJoint]:
@@ -212,6 +223,8 @@ class SRS:
     def span(self) -> tuple[float, float]:
         """Smallest and largest distance [m] of shoulder and wrist within the limits of the elbow."""
         low, high = self.robot.drawn_range[0][3], self.robot.drawn_range[1][3]
+        if high - low >= 2 * np.pi:
+            return self.reach
         turns = np.arange(-8, 9) * np.pi  # to where the arm is stretched or folded
         inner = self.phase + turns
         angles = np.concatenate([[low, high], inner[(inner > low) & (inner < high)]])
@@ -254,7 +267,7 @@ class SRS:
         for elbow in self.elbow_branches(T):
             for joint, circle in zip(self.joints, (elbow.shoulder, elbow.wrist), strict=True):
                 apex = np.arctan2(joint.a @ circle.sine @ joint.c, joint.a @ circle.cosine @ joint.c)
-                if joint.nearness(circle.at(np.array([apex, apex + np.pi]))).min() < _SMALL:
+                if joint.nearness(circle.at(np.array([apex, apex + np.pi]))).min() < NEARLY_SINGULAR:
                     return True
         return False
 
@@ -338,4 +351,5 @@ def _geometry(robot: Robot, reference: tuple[float, float, float]) -> SRS | str:
         return "shoulder or wrist is on the axis of the elbow"
     up = np.array(reference) / np.linalg.norm(reference)
     elbow = points[3] + (axes[3] @ offsets[0]) * axes[3]
-    return SRS(robot, axes, shoulder, elbow, wrist, robot.forward(np.zeros(7)).homogeneous, up)
+    tip = robot.forward(np.zeros(7)).homogeneous
+    return SRS(robot, axes, shoulder, elbow, wrist, tip, up, robot.lower, robot.upper)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -24,28 +25,35 @@ class WholeTurns:
     reference: np.ndarray
     """(n,) [rad or m]"""
 
-    @property
+    @cached_property
     def revolute(self) -> np.ndarray:
         """Which joints (n,) turn."""
         return ~self.robot.slides
 
-    @property
+    @cached_property
     def everywhere(self) -> np.ndarray:
         """Which joints (n,) have every angle within their limits: their range is a turn or more."""
         return np.asarray(self.revolute & (self.robot.upper - self.robot.lower >= _TURN))
 
-    @property
+    @cached_property
     def aim(self) -> np.ndarray:
         """The reference (n,), or where that is beyond numbers fine enough the farthest place."""
         return np.clip(self.reference, -FARTHEST, FARTHEST)
 
-    @property
+    @cached_property
     def window(self) -> tuple[np.ndarray, np.ndarray]:
         """The limits (n,) and (n,); of joints with a turn or more the turn around the reference, within them."""
         lower, upper, half = self.robot.lower, self.robot.upper, 0.5 * _TURN
         middle = np.clip(self.aim, lower + half, upper - half)
         first, last = np.maximum(middle - half, lower), np.minimum(middle + half, upper)
         return np.where(self.everywhere, first, lower), np.where(self.everywhere, last, upper)
+
+    def around(self, turns: int) -> tuple[np.ndarray, np.ndarray]:
+        """The limits (n,) and (n,) with no joint more than so many turns away from `window`; continuous ones stay."""
+        first, last = self.window
+        cut = self.everywhere & np.isfinite(self.robot.lower)
+        lower, upper = np.maximum(first - turns * _TURN, self.robot.lower), np.minimum(last + turns * _TURN, self.robot.upper)
+        return np.where(cut, lower, self.robot.lower), np.where(cut, upper, self.robot.upper)
 
     def unwound(self, q: np.ndarray) -> np.ndarray:
         """The configuration (n,) with the turns taken off that `everywhere` joints have made."""
@@ -78,25 +86,39 @@ class WholeTurns:
 
     def _each_within(self, q: np.ndarray, most: int) -> tuple[np.ndarray, bool]:
         """`all_within` of one configuration (n,)."""
-        angles = [self._angles(i, q[i], *room) for i, room in enumerate(zip(*self._room(q), strict=True))]
-        counts = np.array([len(each) for each in angles])
-        complete = np.prod(counts, dtype=float) <= most
-        while np.prod(counts, dtype=float) > most:
-            counts[counts.argmax()] -= 1
-        chosen = product(*(each[:count] for each, count in zip(angles, counts, strict=True)))
-        return np.clip(np.reshape(list(chosen), (-1, self.robot.n)), self.robot.lower, self.robot.upper), bool(complete)
+        rooms = list(zip(*self._room(q), strict=True))
+        angles = [self._angles(i, q[i], *room, most) for i, room in enumerate(rooms)]
+        within = all(np.isinf(last) or last - first < most for first, last in rooms)
+        chosen, complete = first_choices(angles, most)
+        return np.clip(chosen.reshape(-1, self.robot.n), self.robot.lower, self.robot.upper), within and complete
 
-    def _angles(self, joint: int, angle: float, first: float, last: float) -> np.ndarray:
+    def _angles(self, joint: int, angle: float, first: float, last: float, most: int) -> np.ndarray:
         """The angles (k,) [rad] of a joint that are `first` to `last` turns further, nearest to the reference first.
 
-        A continuous joint has the first of them alone.
+        At most so many; a continuous joint has the first of them alone.
         """
         nearest = np.round((self.aim[joint] - angle) / _TURN)
-        turns = np.array([nearest]) if np.isinf(last) else np.arange(first, last + 1)
-        return angle + _TURN * turns[np.argsort(np.abs(turns - nearest), kind="stable")]
+        if np.isinf(last):
+            return np.array([angle + _TURN * nearest])
+        turns = np.clip(nearest, first, last) + np.arange(-most, most + 1)
+        turns = turns[(first <= turns) & (turns <= last)]
+        return angle + _TURN * turns[np.argsort(np.abs(turns - nearest), kind="stable")][:most]
 
     def _room(self, q: np.ndarray, slack: float = WITHIN) -> tuple[np.ndarray, np.ndarray]:
         """The fewest and the most turns (..., n) that keep q (..., n) within the limits; none do where they cross."""
         lower, upper = self.robot.lower - slack, self.robot.upper + slack
         first, last = np.ceil((lower - q) / _TURN), np.floor((upper - q) / _TURN)
         return np.where(self.revolute, first, 1.0 * (q < lower)), np.where(self.revolute, last, -1.0 * (q > upper))
+
+
+def first_choices(choices: list[np.ndarray], most: int) -> tuple[np.ndarray, bool]:
+    """All combinations (k, n) of one of the choices (m_i,) for each of n, and whether these are all.
+
+    Where there are more than `most`, the last of the choices are left out, where there are the most of them.
+    """
+    counts = np.array([len(each) for each in choices])
+    complete = bool(np.prod(counts, dtype=float) <= most)
+    while np.prod(counts, dtype=float) > max(most, 1):
+        counts[counts.argmax()] -= 1
+    chosen = product(*(each[:count] for each, count in zip(choices, counts, strict=True)))
+    return np.reshape(list(chosen), (-1, len(choices))), complete

@@ -5,8 +5,13 @@ EAIK decomposes* (`decomposition`): its branches, each brought onto the pose by 
 nearly parallel or nearly meets. *All others*: `multi_start`. Descents go on to the last digits, so that solutions can
 be told apart.
 
-Where at most six joints move, solutions are isolated, singular poses aside, and each whole turn of a joint that fits
-between its limits makes one of its own. Where more move they form a continuum: each descent is settled at the optimum
+Branches may be lost to rounding, so a list of them is called complete only if each is clearly a solution, and regular,
+or clearly none; if they are in balance: forward kinematics is a map of degree zero from the torus of all angles, so the
+signs of `det J` over all solutions of a regular pose, limits aside, sum to zero; and if descents from random starts
+find no other. A pose without any branch has to be proved out of reach.
+
+Where the Jacobian has as many ranks as joints move, solutions are isolated, singular poses aside, and each whole turn
+of a joint that fits between its limits makes one of its own. Where more move they form a continuum: each descent is settled at the optimum
 of the objective that its self-motion leads to, and the list holds these optima; of those that differ by whole turns
 alone it holds the one nearest to the posture that is preferred, or to the middle of the limits. An objective that the
 kernels do not know takes long to settle: that is done from the optima of `Posture()` alone.
@@ -41,8 +46,10 @@ from maira_qp.solvers.settling import settle
 from maira_qp.solvers.solutions import ListedSolution, Solutions
 from maira_qp.solvers.targets import row_of, streams
 
-ISOLATED = 6
-"""A pose leaves so many moving joints no self-motion, singular configurations aside."""
+RANK_SAMPLES, RANK_WITHIN = 8, 1e-9
+"""Configurations at which the rank of the Jacobian is looked at, and the ratio of singular values that counts as 0."""
+CHECKS = 128
+"""Descents from random starts that a list of branches is checked with."""
 MOST = 4096
 """Solutions of a list at most, those included that differ by whole turns."""
 APART, SETTLED_APART = 1e-5, 1e-2
@@ -54,6 +61,10 @@ MEETS, MISSES = 1e-6, 1e-3
 REGULAR = 1e-3
 """Where the Jacobian's singular values have a smaller ratio, a neighbour of a branch may have been lost to rounding."""
 
+NUMERICAL = "descents from random starts prove nothing"
+LOST = "descents found solutions that the closed form had lost, and there may be more"
+TOO_MANY_TURNS = "of the whole turns within the limits only the nearest are listed"
+
 
 def all_solutions(
     priorities: Priorities,
@@ -63,26 +74,34 @@ def all_solutions(
     objective: Objective,
     seed: np.ndarray,
     start: np.ndarray | None = None,
+    most: int = MOST,
 ) -> Solutions:
     """The solutions for one pose task of the tip, ranked by an objective that was made for the robot.
 
-    seed (2,): of what is random about a numerical list; start (n,): where that begins. `engine` None: one is made.
+    seed (2,): of what is random about a list; start (n,): where a numerical one begins; most: how many there may be,
+    where whole turns make as many. `engine` None: one is made.
     Raises `OptionError` for tasks, limits and robots whose solutions cannot be listed.
     """
     task, robot = _listable(priorities, setting, targets), priorities.robot
     srs = SRS.of(robot)
     if srs is not None:
-        ranked = best_of_each_arc(srs, task.target, objective)
-        items = tuple(_listed(task, objective, robot, one.q, one.arc, one.psi) for one in ranked)
-        return Solutions(items, "closed form (S-R-S)", not srs.is_singular(task.target.homogeneous))
+        ranked, are_all = best_of_each_arc(srs, task.target, objective)
+        items = [_listed(task, objective, robot, one.q, one.arc, one.psi) for one in ranked]
+        kept = tuple(one for one in items if _is_reached(setting, one.position_error, one.orientation_error))
+        reason = ""
+        if srs.is_singular(task.target.homogeneous) or len(kept) < len(items):
+            reason = "at a singular pose joints turn against each other: one way is listed"
+        elif not are_all:
+            reason = TOO_MANY_TURNS
+        return Solutions(kept, "closed form (S-R-S)", not reason, reason=reason)
     engine = engine or Compiled.of(priorities, setting.options)  # type: ignore[assignment]
     if not isinstance(engine, Compiled):
         raise OptionError(f"solutions cannot be listed: {engine}")
-    enumeration = Enumeration(task, objective, setting, engine.preferring(Strict(objective)))
-    decomposition = Decomposition.of(robot)
+    enumeration = Enumeration(task, objective, setting, engine.preferring(Strict(objective)), seed, most)
+    decomposition = Decomposition.of(robot) if enumeration.is_isolated else None
     if decomposition is not None:
         return enumeration.by_branches(decomposition)
-    return enumeration.by_multi_start(seed, start)
+    return enumeration.by_multi_start(start)
 
 
 def nearest_solution(
@@ -98,7 +117,8 @@ def nearest_solution(
     if srs is not None:
         found = best(srs, _listable(priorities, setting, targets).target, posture)
         return None if found is None else found.q
-    listed = all_solutions(priorities, setting, engine, targets, posture, seed, posture.q_ref)
+    # of whole turns the nearest alone: none is nearer to the posture
+    listed = all_solutions(priorities, setting, engine, targets, posture, seed, posture.q_ref, most=1)
     return listed[0].q if listed else None
 
 
@@ -119,6 +139,12 @@ def _listed(
     return ListedSolution(at.q.copy(), objective.cost(at), position, orientation, arc, psi, robot.joint_names)
 
 
+def _is_reached(setting: Setting, position: float, orientation: float) -> bool:
+    """Whether errors [m] and [rad] are within the tolerances."""
+    options = setting.options
+    return position <= options.position_tolerance and orientation <= options.orientation_tolerance
+
+
 @dataclass(frozen=True)
 class Enumeration:
     """The solutions of an arm that is not S-R-S."""
@@ -130,12 +156,19 @@ class Enumeration:
     setting: Setting
     engine: Compiled
     """With the objective as its redundancy, if the kernels know it"""
+    seed: np.ndarray
+    """(2,) of what is random"""
+    most: int
+    """Solutions at most, but one of all that differ by whole turns alone"""
 
     @cached_property
     def is_isolated(self) -> bool:
-        """At most six joints move."""
+        """The joints that move do so in as many directions, singular configurations aside."""
         robot = self.setting.robot
-        return int(np.count_nonzero(robot.lower < robot.upper)) <= ISOLATED
+        moving = robot.lower < robot.upper
+        J = robot.jacobians(drawn(np.random.default_rng(0), *self.turns.window, RANK_SAMPLES))[:, :, moving]
+        J[:, :3] /= robot.length
+        return not moving.any() or bool((np.linalg.matrix_rank(J, tol=RANK_WITHIN) == moving.sum()).any())
 
     @cached_property
     def turns(self) -> WholeTurns:
@@ -149,38 +182,54 @@ class Enumeration:
         return row_of(self.task.target)
 
     def by_branches(self, decomposition: Decomposition) -> Solutions:
-        """From the branches of a closed form."""
+        """From the branches of a closed form, checked with descents from random starts."""
         branches = decomposition.branches(self.task.target.homogeneous)
         q, reached = self._descended(self.engine, self.turns.within(branches, ROUNDED))
-        distinct = new_among(q[reached], q[:0], self.turns.apart, APART)
-        q, robot = q[reached][distinct], self.setting.robot
-        certain = all(self._is_certain(robot.at(each)) for each in (*branches, *q))
-        return self._ranked(q, "closed form (EAIK)", certain)
+        q = q[reached][new_among(q[reached], q[:0], self.turns.apart, APART)]
+        others = self._arrivals(self._draw(CHECKS))
+        new = new_among(others, q, self.turns.apart, APART)
+        without_new = CHECKS - 1 - new[-1] if new else CHECKS
+        reason = self._doubt(branches, q) or (LOST if new else "")
+        return self._ranked(np.concatenate([q, others[new]]), "closed form (EAIK)", reason, CHECKS, without_new)
 
-    def by_multi_start(self, seed: np.ndarray, start: np.ndarray | None = None) -> Solutions:
+    def by_multi_start(self, start: np.ndarray | None) -> Solutions:
         """From descents that begin at random configurations, after a given one (n,)."""
         robot, turns = self.setting.robot, self.turns
-        rng = np.random.default_rng(int(streams(self._row[None], seed)[0]))
-        engine = self.engine if self.engine.settles else self.engine.preferring(Strict(Posture().of(robot)))
-        free = engine.without_limits(turns.everywhere)
-
-        def draw(count: int) -> np.ndarray:
-            return drawn(rng, *robot.drawn_range, count)
-
-        def arrivals(starts: np.ndarray) -> np.ndarray:
-            q, reached = self._descended(free, starts)
-            q[~reached] = np.nan
-            q[reached] = turns.within(q[reached])
-            if not self.is_isolated:
-                ends, optimal = engine.settled(self._row, q[reached])
-                q[reached] = np.where(optimal[:, None], ends, np.nan)
-            return q
-
-        first = draw(0) if start is None else robot.clip(turns.unwound(start))[None]
+        first = np.empty((0, robot.n)) if start is None else robot.clip(turns.unwound(start))[None]
         resolution = APART if self.is_isolated else SETTLED_APART
-        found = multi_start(arrivals, draw, turns.apart, resolution, first)
+        found = multi_start(self._arrivals, self._draw, turns.apart, resolution, first)
         q = found.q if self.is_isolated or self.engine.settles else self._settled(found.q)
-        return self._ranked(q, "numerical", False, found.starts, found.without_new)
+        return self._ranked(q, "numerical", NUMERICAL, found.starts, found.without_new)
+
+    @cached_property
+    def _rng(self) -> np.random.Generator:
+        return np.random.default_rng(int(streams(self._row[None], self.seed)[0]))
+
+    def _draw(self, count: int) -> np.ndarray:
+        """Random starts (count, n)."""
+        return drawn(self._rng, *self.turns.window, count)
+
+    @cached_property
+    def _free_engine(self) -> Compiled:
+        """Without the limits of joints that have all angles within them."""
+        return self._settling_engine.without_limits(self.turns.everywhere)
+
+    @cached_property
+    def _settling_engine(self) -> Compiled:
+        robot = self.setting.robot
+        return self.engine if self.engine.settles else self.engine.preferring(Strict(Posture().of(robot)))
+
+    def _arrivals(self, starts: np.ndarray) -> np.ndarray:
+        """Where starts (N, n) lead, (N, n), within the limits; NaN for those that lead nowhere."""
+        q, reached = self._descended(self._free_engine, starts)
+        q[~reached] = np.nan
+        for k in np.flatnonzero(reached):
+            within = self.turns.within(q[k][None])
+            q[k] = within[0] if len(within) else np.nan
+        if not self.is_isolated:
+            ends, optimal = self._settling_engine.settled(self._row, q[reached])
+            q[reached] = np.where(optimal[:, None], ends, np.nan)
+        return q
 
     def _descended(self, engine: Compiled, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where descents from starts (N, n) end, (N, n), and whether they reach the pose (N,): then exactly, if any."""
@@ -205,20 +254,27 @@ class Enumeration:
     def _holds(self, at: Configuration) -> bool:
         return bool(self._is_reached(np.array([self.task.residual(at)]))[0])
 
-    def _is_certain(self, branch: Configuration) -> bool:
-        """Whether a branch is clearly a solution and the only one around, or clearly none."""
-        error = max(self.task.residual(branch))
-        values = np.linalg.svd(branch.jacobian(None), compute_uv=False)
-        return error > MISSES or bool(error < MEETS and values[-1] > REGULAR * values[0])
+    def _doubt(self, branches: np.ndarray, q: np.ndarray) -> str:
+        """Why branches (k, 6), and the solutions (m, 6) that are made of them, may not be all; empty: they are."""
+        robot, balance = self.setting.robot, 0.0
+        if not len(branches) and not self.engine.proofs.unreachable(self._row[None])[0]:
+            return "the closed form has no solution, and it is not proved that there is none"
+        for k, at in enumerate(robot.at(each) for each in (*branches, *q)):
+            error, J = max(self.task.residual(at)), at.jacobian(None)
+            values = np.linalg.svd(J, compute_uv=False)
+            if MEETS <= error <= MISSES or (error < MEETS and values[-1] <= REGULAR * values[0]):
+                return "a branch is nearly singular, where others may be lost to rounding"
+            balance += np.sign(np.linalg.det(J)) if k < len(branches) and error < MEETS else 0.0
+        return "" if balance == 0.0 else "the branches are out of balance, so one of them is missing"
 
     def _ranked(
-        self, q: np.ndarray, method: str, is_complete: bool, starts: int = 0, starts_without_new: int = 0
+        self, q: np.ndarray, method: str, reason: str, starts: int = 0, starts_without_new: int = 0
     ) -> Solutions:
-        """The list of solutions q (k, n), the whole turns of isolated ones added."""
+        """The list of solutions q (k, n), the whole turns of isolated ones added; the reason why it may not be all."""
         robot = self.setting.robot
         if self.is_isolated:
-            q, all_of_them = self.turns.all_within(q, MOST)
-            is_complete = is_complete and all_of_them
+            q, all_of_them = self.turns.all_within(q, self.most)
+            reason = reason or ("" if all_of_them else TOO_MANY_TURNS)
         listed = [_listed(self.task, self.objective, robot, each) for each in q]
         ranked = tuple(sorted(listed, key=lambda one: one.cost))
-        return Solutions(ranked, method, is_complete, starts, starts_without_new)
+        return Solutions(ranked, method, not reason, starts, starts_without_new, reason)

@@ -14,8 +14,9 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.problem.objectives import LimitDistance, Objective, Posture
-from maira_qp.robots.arcs import Arc, arcs, at_each
+from maira_qp.robots.arcs import Arc, arcs_near, at_each
 from maira_qp.robots.srs import SRS
+from maira_qp.robots.whole_turns import WholeTurns
 from maira_qp.solvers.brent import minima
 
 STEP = 0.2
@@ -40,19 +41,26 @@ def best(srs: SRS, T: np.ndarray | pin.SE3, objective: Objective) -> Best | None
 
     Raises `PoseError`, `OptionError`.
     """
-    sampled = SampledArcs.of(srs, T, objective.of(srs.robot))
+    objective = objective.of(srs.robot)
+    if isinstance(objective, Posture):  # of all whole turns the nearest ones are the best
+        lower, upper = WholeTurns(srs.robot, objective.q_ref).around(0)
+        srs = srs.limited(lower, upper)
+    sampled = SampledArcs.of(srs, T, objective)
     if not sampled.arcs:
         return None
-    return min(sampled.refined(sampled.bounds <= sampled.costs.min()), key=lambda one: one.cost)
+    wanted = sampled.bounds <= sampled.costs.min()
+    wanted[sampled.which[sampled.costs.argmin()]] = True  # whatever the rounding of its bound
+    return min(sampled.refined(wanted), key=lambda one: one.cost)
 
 
-def best_of_each_arc(srs: SRS, T: np.ndarray | pin.SE3, objective: Objective) -> list[Best]:
-    """All configurations that reach T (4, 4) within the limits, as arcs with the best of each, the lowest cost first.
+def best_of_each_arc(srs: SRS, T: np.ndarray | pin.SE3, objective: Objective) -> tuple[list[Best], bool]:
+    """The configurations that reach T (4, 4) within the limits, as arcs with the best of each, the lowest cost first.
 
-    Raises `PoseError`, `OptionError`.
+    And whether these are all: see `maira_qp.robots.arcs.arcs_near`. Raises `PoseError`, `OptionError`.
     """
     sampled = SampledArcs.of(srs, T, objective.of(srs.robot))
-    return sorted(sampled.refined(np.ones(len(sampled.arcs), bool)), key=lambda one: one.cost)
+    ranked = sorted(sampled.refined(np.ones(len(sampled.arcs), bool)), key=lambda one: one.cost)
+    return ranked, sampled.are_all
 
 
 def nearest(srs: SRS, T: np.ndarray | pin.SE3, q0: Any, weights: Any = None) -> Best | None:
@@ -75,11 +83,14 @@ class SampledArcs:
     """(N, 7) [rad]"""
     costs: np.ndarray
     """(N,)"""
+    are_all: bool
+    """There are no other arcs, of further whole turns"""
 
     @staticmethod
     def of(srs: SRS, T: np.ndarray | pin.SE3, objective: Objective) -> SampledArcs:
         """Of an objective that was made for the arm: samples between which no joint turns by more than `STEP`."""
-        found = arcs(srs, T)
+        reference = objective.q_ref if isinstance(objective, Posture) else srs.robot.middle
+        found, are_all = arcs_near(srs, T, reference)
         counts = [3 + int(arc.length / STEP) if arc.length > 0 else 1 for arc in found]
         which = np.repeat(np.arange(len(found)), counts)
         ends = zip(found, counts, strict=True)
@@ -94,7 +105,7 @@ class SampledArcs:
             q = np.insert(q, wide + 1, at_each(found, own, between), axis=0)
             which, psi = np.insert(which, wide + 1, own), np.insert(psi, wide + 1, between)
         q = _on_turns(srs, objective, q)
-        return SampledArcs(srs, found, objective, which, psi, q, _costs(srs, objective, q))
+        return SampledArcs(srs, found, objective, which, psi, q, _costs(srs, objective, q), are_all)
 
     @property
     def bounds(self) -> np.ndarray:

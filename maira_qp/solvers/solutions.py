@@ -61,11 +61,14 @@ class Solutions(Shown, Sequence[ListedSolution]):
     """"closed form (S-R-S)": the best of every arc. "closed form (EAIK)", or "numerical" where at most six joints move:
     isolated solutions. "numerical" where more do: distinct local optima of the objective along the self-motion"""
     is_complete: bool
-    """Nothing is missing, by the geometry of the arm. Never said of a numerical list"""
+    """Nothing is missing: by the geometry of an S-R-S arm; of a decomposed one all branches are regular and in balance,
+    see `maira_qp.solvers.enumeration`, and descents found no other. Never said of a numerical list"""
     starts: int = 0
-    """Descents that a numerical list is from"""
+    """Random descents that a numerical list is from, or that a list of branches was checked with"""
     starts_without_new: int = 0
     """Descents since the last one that led to a solution that was not in it yet"""
+    reason: str = ""
+    """Why it is not said to be complete; empty where it is"""
 
     def __len__(self) -> int:
         return len(self.items)
@@ -83,7 +86,7 @@ class Solutions(Shown, Sequence[ListedSolution]):
         return iter(self.items)
 
     def _card(self) -> Card:
-        told = f", {self.starts} starts, {self.starts_without_new} since the last new one" if self.starts else ""
+        told = f", {self.starts} starts, {self.starts_without_new} since the last new one" if self.method == "numerical" else ""
         complete = "complete" if self.is_complete else "not proved complete"
         names = self.items[0].joint_names if self.items else ()
         more = len(self) - SHOWN
@@ -91,7 +94,11 @@ class Solutions(Shown, Sequence[ListedSolution]):
         return Card(
             title=f"Solutions({len(self)}, {self.method}, {complete}{told})",
             facts=(("joints", ", ".join(names)),),
-            lines=[*map(_line, range(SHOWN), self.items), *([f"  ... and {more} more"] if more > 0 else [])],
+            lines=[
+                *map(_line, range(SHOWN), self.items),
+                *([f"  ... and {more} more"] if more > 0 else []),
+                *([f"  {self.reason}"] if self.reason else []),
+            ],
             headings=("", "cost", *names, *(["psi"] if arcs else [])),
             rows=[
                 (
