@@ -1,5 +1,6 @@
 """The limits of S-R-S arms as sets of the swivel angle, against sampling, Pinocchio and the numerical solver."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -8,7 +9,8 @@ import pytest
 from test_srs import iiwa14_without_offset, random_arm, swivel_of, worst_error
 
 import maira_qp as mq
-from maira_qp.robots.arcs import Arc, arcs
+from maira_qp.orientation import pose_error
+from maira_qp.robots.arcs import MOST, Arc, _without, arcs, arcs_near
 from maira_qp.robots.srs import BRANCHES, SRS, rotations, wrapped
 
 PI = np.pi
@@ -292,3 +294,49 @@ def test_a_tangency_is_found(arms, rng):
         assert sum(arc.length for arc in branch) < 1e-5
         hits += 1
     assert hits >= 3
+
+
+def wide(lower: float, upper: float) -> mq.Robot:
+    """MAIRA's geometry with the same limits [rad] for all joints."""
+    links = [replace(link, lower=lower, upper=upper) for link in mq.Robot.maira().dh.links if link.kind != "fixed"]
+    return mq.Robot.from_dh(links)
+
+
+@pytest.mark.parametrize("limits", [(-2.9, 6.0), (-7.0, 7.0), (0.0, 7.0)], ids=str)
+def test_arcs_of_more_than_a_turn_reach_singular_poses_too(rng, limits):
+    """Shoulder or wrist or both stretched: all of each arc reaches the pose, its ends at the singularity as well."""
+    robot = wide(*limits)
+    srs = SRS.of(robot)
+    for singular in ([1], [5], [1, 5]):
+        q = robot.random_configuration(rng)
+        q[singular] = 0.0
+        T = robot.forward(q)
+        found = arcs(srs, T)
+        assert 0 < len(found) <= MOST
+        for arc in [found[i] for i in rng.permutation(len(found))[:40]]:
+            q = arc.at(np.linspace(arc.lower, arc.upper, 5))
+            assert ((robot.lower <= q) & (q <= robot.upper)).all()
+            assert max(np.abs(pose_error(robot.forward(each), T)).max() for each in q) < 1e-7
+
+
+def test_where_turns_have_no_end_the_nearest_are_listed(rng):
+    """Limits of 1e16 rad: as exact as others, and bounded."""
+    endless, T = wide(-1e16, 1e16), wide(-3.0, 3.0).forward(rng.uniform(-2.5, 2.5, 7))
+    found, complete = arcs_near(SRS.of(endless), T, np.full(7, 30.0))
+    assert not complete
+    assert 100 < len(found) <= MOST
+    for arc in [found[i] for i in rng.permutation(len(found))[:30]]:
+        q = arc.at(np.linspace(arc.lower, arc.upper, 3))
+        assert np.abs(q - 30.0).max() < 4 * PI
+        assert max(np.abs(pose_error(endless.forward(each), T)).max() for each in q) < 1e-10
+
+
+def test_boxes_without_others_hold_each_of_the_rest_once(rng):
+    """Against all whole numbers one by one."""
+    for _ in range(200):
+        box, other = ((low, low + rng.integers(0, 3, 3)) for low in rng.integers(-2, 3, (2, 3)))
+        inside = lambda b, p: bool(((b[0] <= p) & (p <= b[1])).all())  # noqa: E731
+        parts = list(_without(box, other))
+        for point in product(range(-3, 7), repeat=3):
+            expected = inside(box, np.array(point)) and not inside(other, np.array(point))
+            assert sum(inside(part, np.array(point)) for part in parts) == expected

@@ -177,3 +177,84 @@ def test_the_pair_that_is_in_the_way_is_named_with_what_it_costs(maira, rng):
     assert "Without these limits the target would be reached." in str(why)
     assert costly[0].name in why.blocking
     assert why.as_dict()["pairs"][0]["multiplier"] == costly[0].multiplier
+
+
+NOT_EITHER = "not reached either, from"
+
+
+def cut(robot: mq.Robot, share: float) -> mq.Robot:
+    """The robot with so much of each range, around its middle."""
+    lower, upper = robot.drawn_range
+    half = 0.5 * share * (upper - lower)
+    return robot.limited(lower=robot.middle - half, upper=robot.middle + half)
+
+
+@pytest.mark.parametrize("name", ["ur5", "irb140"])
+def test_what_is_said_of_a_target_without_its_limits_holds(name, rng):
+    """Ranges cut to 35 %: where the limits are not to blame, no solver reaches the target without them either."""
+    robot = load(name)
+    short, said = cut(robot, 0.35), 0
+    solver = mq.Solver(short)
+    for _ in range(14):
+        target = robot.forward(robot.random_configuration(rng))
+        s = solver.solve(target)
+        if s.success:
+            continue
+        why, text = s.explain(), str(s.explain())
+        free = mq.Solver(short.released(why.blocking))
+        reached = any(free.solve(target, rng=seed).success for seed in (1, 2))
+        assert why.is_reached_without == reached
+        assert why.starts_without >= 1
+        assert (NOT_EITHER in text) == (not reached and not why.is_unreachable_without)
+        if NOT_EITHER in text:
+            assert f"from any of {mq.Options().max_restarts + 1} starts" in text
+            said += 1
+        for limit in why.limits:
+            assert limit.further is None or mq.Solver(short.released([limit.name])).solve(target, rng=3).success
+    assert said < 10
+
+
+def test_what_is_proved_without_limits_is_said_to_be(maira):
+    """A limit that holds something up, and a target that is too far for the arm itself."""
+    short = maira.limited(upper={"joint4": -0.5})
+    s = mq.Solver(short).solve(mq.pose([0.0, 0.3, 2.6]))
+    why = s.explain()
+    assert why.blocking
+    assert why.is_unreachable_without
+    assert not why.is_reached_without
+    assert "It is proved that without these limits it would not be reached either." in str(why)
+
+
+def test_a_target_within_the_limits_that_was_missed_is_said_to_be_there(rng):
+    """One start alone, from far away."""
+    robot = load("irb140")
+    solver, missed = mq.Solver(robot, options=mq.Options(max_restarts=0)), 0
+    for _ in range(20):
+        target = robot.forward(robot.random_configuration(rng))
+        s = solver.solve(target, q0=robot.random_configuration(rng))
+        if not s.success:
+            why = s.explain()
+            missed += why.is_reached_within
+            assert ("From another start the target is reached within the limits." in str(why)) == why.is_reached_within
+    assert missed > 3
+
+
+def test_an_upper_limit_beside_a_ball_costs_what_it_holds_up(maira, rng):
+    """Limits and bodies share the force: what a joint's upper limit is said to cost is what moving it gains."""
+    q = maira.clip(np.array([0.3, 0.6, 0.2, 1.2, 0.1, 0.5, 0.0]))
+    target = maira.forward(q)
+    ball = mq.Sphere(0.08, mq.pose(target.translation - np.array([0.0, 0.0, 0.12])), name="ball")
+    limit = mq.CollisionLimit(obstacles=[ball], margin=0.02, self_collision=False)
+    costs, options = [], mq.Options(max_restarts=0, stationarity_tolerance=1e-8)
+    target.translation -= [0.0, 0.0, 0.05]
+    for step in (0.0, 1e-4):
+        short = maira.limited(upper={"joint4": 1.1 + step})
+        s = mq.Solver(short, limits=[limit], options=options).solve(target, q0=short.clip(q))
+        weights = mq.Solver(maira).tasks[0].weights
+        costs.append(0.5 * np.sum((weights * mq.pose_error(short.forward(s.q), target)) ** 2))
+        if step == 0.0:
+            why = s.explain()
+    (upper,) = [each for each in why.limits if each.name == "joint4 upper"]
+    assert any(pair.multiplier > 0 for pair in why.pairs)
+    assert upper.multiplier > 0
+    assert (costs[0] - costs[1]) / 1e-4 == pytest.approx(upper.multiplier, rel=0.05)

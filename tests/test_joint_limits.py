@@ -274,3 +274,28 @@ def test_solvers_keep_the_limits_that_are_set(maira, rng):
     s = mq.Solver(tight).solve(target)
     assert s.success
     assert ((tight.lower <= s.q) & (s.q <= tight.upper)).all()
+
+
+def test_a_leader_that_is_released_takes_its_follower_along():
+    """The follower's own range had narrowed the leader's: both are let go, and the limits that hold stay."""
+    joint = '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/><axis xyz="0 0 1"/>{3}</joint>'
+    limit = '<limit lower="-1" upper="{}" velocity="1" effort="1"/>'
+    text = "".join(
+        [
+            '<robot name="m"><link name="a"/><link name="b"/><link name="c"/>',
+            joint.format("leader", "a", "b", limit.format(1.5)),
+            joint.format(
+                "follower", "b", "c", limit.format(0.6) + '<mimic joint="leader" multiplier="-2" offset="0.1"/>'
+            ),
+            "</robot>",
+        ]
+    )
+    robot = mq.Robot.from_urdf(text, tip="c")
+    assert (robot.lower[0], robot.upper[0]) == pytest.approx((-0.25, 0.55))
+    free = robot.released(["leader upper"])
+    assert free.upper[0] == pytest.approx(0.55 + 2 * np.pi)
+    assert free.lower[0] == robot.lower[0]
+    tighter = robot.limited(upper=0.3)
+    assert (tighter.lower[0], tighter.upper[0]) == (robot.lower[0], 0.3)
+    again = free.released(["leader lower"])
+    assert (again.lower[0], again.upper[0]) == pytest.approx((-0.25 - 2 * np.pi, 0.55 + 2 * np.pi))

@@ -104,3 +104,29 @@ def test_the_solver_never_reaches_what_is_ruled_out(rng):
         solved = mq.Solver(arm.robot, options=mq.Options(max_restarts=5)).solve_batch(poses).success
         assert not (solved & ruled_out).any()
         assert ruled_out.any()
+
+
+def test_an_elbow_that_the_tolerance_brings_within_its_limits_is_not_ruled_out(rng):
+    """Nearly stretched, where a change of the distance turns the elbow by more than its first order says.
+
+    The target has the elbow at 0.1 rad; with the tool moved by the tolerance along the line to the wrist: at 0.052.
+    """
+    iiwa14 = mq.Robot.iiwa14()
+    outer, inner = 0.1, 0.052
+    arm = prepared(iiwa14.limited(lower={"joint4": -inner}, upper={"joint4": inner}))
+    for _ in range(20):
+        q = 0.5 * iiwa14.random_configuration(rng)
+        q[3] = outer
+        target, srs = iiwa14.forward(q), arm.srs
+        line = srs.wrist_centre(target.homogeneous) - srs.shoulder
+        longer = np.linalg.norm(srs._from_shoulder(inner)) - np.linalg.norm(line)
+        moved_target = target.copy()
+        moved_target.translation += longer * line / np.linalg.norm(line)
+        near = [each for psi in np.linspace(-3, 3, 40) for each in srs.configurations(moved_target, psi)]
+        within = [each for each in near if ((arm.robot.lower - 1e-9 <= each) & (each <= arm.robot.upper + 1e-9)).all()]
+        if within:  # so it is reached to the tolerance, by kinematics alone
+            off = np.linalg.norm(arm.robot.forward(arm.robot.clip(within[0])).translation - target.translation)
+            assert off == pytest.approx(longer, rel=1e-5)
+            assert codes_of(arm, [target.homogeneous], 1.001 * longer, 1e-6)[0] == POSSIBLE
+            return
+    raise AssertionError("no such pose was found")

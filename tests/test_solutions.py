@@ -1,6 +1,7 @@
 """Every solution for a pose, and the closest one."""
 
 import pickle
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -313,3 +314,108 @@ def test_closest_has_to_be_meant(maira):
         mq.Solver(maira, redundancy=mq.Strict(mq.Posture())).solve(target, q0, prefer="closest")
     with pytest.raises(mq.errors.OptionError, match="PoseTask"):
         mq.Solver(maira, task=mq.PositionTask()).solve(target, q0, prefer="closest")
+
+
+@pytest.mark.parametrize("locked", [["joint6"], ["joint1", "joint4"], ["joint2", "joint3", "joint7"]], ids=str)
+def test_arcs_that_are_points_are_closest_too(locked, iiwa14, rng):
+    """Joints with no range at all leave isolated solutions, or none."""
+    q = iiwa14.random_configuration(rng)
+    values = {name: q[iiwa14.joint_names.index(name)] for name in locked}
+    robot = iiwa14.limited(lower=values, upper=values)
+    solver = mq.Solver(robot)
+    for k in range(12):
+        target, q0 = robot.forward(robot.random_configuration(rng)), robot.random_configuration(rng)
+        if k % 3 == 2:  # most likely out of reach
+            target = iiwa14.forward(iiwa14.random_configuration(rng))
+        closest, listed = solver.solve(target, q0, prefer="closest"), solver.solutions(target)
+        assert closest.success == (len(listed) > 0) or k % 3 == 2
+        check(robot, target, listed)
+        if listed:
+            assert distance(closest.q, q0, 1.0) <= distance(np.array([one.q for one in listed]), q0, 1.0).min() + 1e-9
+
+
+def endless(robot: mq.Robot, limit: float) -> mq.Robot:
+    """The arm with limits of so much [rad] on either side for all joints."""
+    text = robot.urdf.replace('type="continuous"', 'type="revolute"')
+    root = ElementTree.fromstring(text)
+    for element in root.iter("limit"):
+        element.attrib |= {"lower": repr(-limit), "upper": repr(limit)}
+    return mq.Robot.from_urdf(ElementTree.tostring(root, encoding="unicode"), tip=robot.tip, base=robot.base)
+
+
+@pytest.mark.parametrize("limit", [30.0, 1e10, 1e16])
+@pytest.mark.parametrize("name", ["maira", "ur5", "panda"])
+def test_whole_turns_without_end_are_counted_not_listed(name, limit, maira, rng):
+    """Each joint of the closest is within half a turn of `q0`, and lists are bounded, and say so."""
+    robot = endless(maira if name == "maira" else load(name), limit)
+    solver = mq.Solver(robot)
+    target = robot.forward(rng.uniform(-2.5, 2.5, robot.n))
+    for _ in range(3):
+        q0 = rng.uniform(-15.0, 15.0, robot.n)
+        closest = solver.solve(target, q0, prefer="closest")
+        assert closest.success
+        assert np.abs(closest.q - q0).max() <= np.pi + 1e-6
+    listed = solver.solutions(target)
+    assert 0 < len(listed) <= 4096
+    check(robot, target, listed)
+    assert not listed.is_complete
+    if name != "panda":
+        assert "whole turns" in listed.reason
+        assert listed.reason in repr(listed)
+
+
+@pytest.mark.parametrize("name", ["maira", "ur5", "irb140"])
+@pytest.mark.parametrize("backend", ["compiled", "daqp"])
+def test_without_a_start_joints_end_at_the_turn_nearest_to_the_middle(name, backend, maira, rng):
+    """Whatever is wished for beside the pose that is no posture; alone, and of a batch each."""
+    robot = endless(maira if name == "maira" else load(name), 1e4)
+    count = 200 if backend == "compiled" else 5
+    targets = np.array([robot.forward(rng.uniform(-3, 3, robot.n)).homogeneous for _ in range(count)])
+    batch = mq.Solver(robot, backend=backend).solve_batch(targets)
+    assert batch.success.all()
+    assert np.abs(batch.q).max() <= np.pi + 1e-9
+    for posture in (mq.Posture(), mq.LimitDistance()):
+        for wish in (mq.Strict(posture), mq.Weighted(posture, 1e-6)):
+            solver = mq.Solver(robot, redundancy=wish, backend=backend)
+            assert np.abs([solver.solve(T).q for T in targets[:3]]).max() < 1.5 * np.pi
+
+
+def six_axes(rows):
+    """An arm of six joints from its DH rows a, alpha, d."""
+    links = [mq.DHLink(a=a, alpha=alpha, d=d, lower=-3.1, upper=3.1) for a, alpha, d in rows]
+    return mq.Robot.from_dh(links)
+
+
+def test_an_arm_whose_last_joints_are_in_line_is_never_said_to_be_listed(rng):
+    """Rank 5: its solutions are no points, the closed form has none, and `solve` reaches the pose."""
+    quarter = np.pi / 2
+    robot = six_axes([(0, quarter, 0.1), (0.2, 0, 0), (0.2, 0, 0), (0, quarter, 0), (0, 0, 0.1), (0, 0, 0.05)])
+    solver = mq.Solver(robot)
+    for _ in range(4):
+        target = robot.forward(robot.random_configuration(rng))
+        listed = solver.solutions(target)
+        assert len(listed) > 0
+        check(robot, target, listed)
+        assert not listed.is_complete
+        assert listed.reason
+
+
+def test_a_list_with_a_branch_less_is_not_called_complete(rng, monkeypatch):
+    """A closed form that loses a branch, a pair of them, or all: what descents find is added, or the loss is noticed."""
+    robot = load("kr210")
+    solver, branches = mq.Solver(robot), Decomposition.branches
+    for _ in range(5):
+        target = robot.forward(robot.random_configuration(rng))
+        whole = solver.solutions(target)
+        if not whole.is_complete:
+            continue
+        for kept in (slice(1, None), slice(2, None), slice(0, 0)):
+            monkeypatch.setattr(Decomposition, "branches", lambda self, T, kept=kept: branches(self, T)[kept])
+            less = solver.solutions(target)
+            monkeypatch.setattr(Decomposition, "branches", branches)
+            known = [one.q for one in less]
+            assert missing(np.reshape(known, (-1, 6)), [one.q for one in whole], robot) == 0 or not less.is_complete
+            assert not (less.is_complete and kept != slice(2, None))
+            assert less.is_complete or less.reason
+    out = solver.solutions(mq.pose([9.0, 0.0, 0.0]))
+    assert (len(out), out.is_complete, out.reason) == (0, True, "")

@@ -31,7 +31,7 @@ from maira_qp.kernels.descent import (
 from maira_qp.kernels.lanes import LANES, any_lane, load
 from maira_qp.kernels.random_numbers import state_of, stream_of
 from maira_qp.kernels.rigid import FINE, pose_row
-from maira_qp.kernels.starts import CORNER, find_nearest, random_start
+from maira_qp.kernels.starts import CORNER, find_nearest, has_long_slides, place_slides, random_start
 
 NOBODY = -1
 
@@ -123,6 +123,8 @@ def search(
                         elif place < LANES:
                             turn = streams[k] >> np.uint64(32) if shuffled else np.uint64(0)
                             _copy(library, nearest[slot, (place + np.int64(turn)) % LANES], q0)
+                            if has_long_slides(chain):
+                                place_slides(chain, settings, targets[k], lanes, q0)
                         else:
                             state = state_of(streams[k], attempt)
                             random_start(

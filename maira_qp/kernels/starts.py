@@ -4,6 +4,8 @@ The library holds configurations of the robot with their tool poses, in `LANES` 
 each list that is nearest to the target, in the metric of the pose cost, gives a start, the nearest of them the first; a
 pass over a few hundred poses costs less than one iteration. After them a start is the best by its cost of a few random
 configurations; every `CORNER`th time, of a few with every joint on a limit, near which targets are the hardest to find.
+
+A slide that is much longer than the arm is sampled in part, and then placed where the tool comes nearest to the target.
 """
 
 from __future__ import annotations
@@ -11,14 +13,18 @@ from __future__ import annotations
 import numpy as np
 from numba import uint64
 
-from maira_qp.kernels.chain import START_LOWER, START_UPPER
+from maira_qp.kernels.chain import LOWER, PRISMATIC, START_LOWER, START_UPPER, UPPER
 from maira_qp.kernels.compilation import bare_kernel
-from maira_qp.kernels.descent import ORIENTATION_WEIGHT, POSITION_WEIGHT, pose_cost
+from maira_qp.kernels.descent import ORIENTATION_WEIGHT, POSITION_WEIGHT, make_lanes, pose_cost
 from maira_qp.kernels.lanes import LANES, full, load2, select, store
 from maira_qp.kernels.random_numbers import next_random
 
 CORNER = 4
 """One random start in so many is a corner of the limits."""
+
+SWEEPS, PLACED = 200, 1e-6
+"""Times at most that slides are placed one after the other, and steps [m] after which they are there. At right angles
+one time is enough."""
 
 SQUARE, FEATURES = 12, 13
 """Numbers kept of a pose: R and p, weighted so that half a squared distance is near the pose cost, and their square.
@@ -91,6 +97,14 @@ def random_start(chain, settings, target, candidates, at_corner, state, lanes, b
                     share = np.floor(share + 0.5)
                 low, high = chain[i, START_LOWER], chain[i, START_UPPER]
                 lanes.trial[i, lane] = min(max((1.0 - share) * low + share * high, low), high)
+        if has_long_slides(chain):
+            for lane in range(LANES):
+                q = lanes.dq.reshape(-1)[:n]
+                for i in range(n):
+                    q[i] = lanes.trial[i, lane]
+                place_slides(chain, settings, target, lanes, q)
+                for i in range(n):
+                    lanes.trial[i, lane] = q[i]
         cost = pose_cost(chain, settings, lanes.goal, lanes.trial, lanes.axes, lanes.origins, lanes.tool, lanes.e)
         store(lanes.dq, 0, cost)
         for lane in range(min(LANES, candidates - first)):
@@ -98,3 +112,53 @@ def random_start(chain, settings, target, candidates, at_corner, state, lanes, b
                 least = lanes.dq[0, lane]
                 for i in range(n):
                     best[i] = lanes.trial[i, lane]
+
+
+@bare_kernel
+def has_long_slides(chain):
+    """Whether there are slides that are sampled in part only."""
+    found = False
+    for i in range(len(chain) - 1):
+        found = found or _is_long(chain, i)
+    return found
+
+
+@bare_kernel
+def _is_long(chain, i):
+    cut = chain[i, START_LOWER] > chain[i, LOWER] or chain[i, START_UPPER] < chain[i, UPPER]
+    return chain[i, PRISMATIC] != 0.0 and cut
+
+
+@bare_kernel
+def place_slides(chain, settings, target, lanes, q):
+    """Move the long slides of q (n,), in place, to where the tool comes nearest to the position of a target (12,).
+
+    A slide turns nothing, so this is a least-squares problem in a box: it is solved one slide after the other. Works in
+    what the lanes keep for themselves only in passing.
+    """
+    n = len(q)
+    if settings[POSITION_WEIGHT] == 0.0:
+        return
+    axes, origins = lanes.axes.reshape(-1)[: 3 * n].reshape(n, 3), lanes.origins.reshape(-1)[: 3 * n].reshape(n, 3)
+    tool, e = lanes.tool.reshape(-1)[:12], lanes.e.reshape(-1)[:6]
+    pose_cost(chain, settings, target, q, axes, origins, tool, e)
+    for _ in range(SWEEPS):
+        longest = 0.0
+        for i in range(n):
+            if _is_long(chain, i):
+                step = axes[i, 0] * e[0] + axes[i, 1] * e[1] + axes[i, 2] * e[2]
+                place = min(max(q[i] + step, chain[i, LOWER]), chain[i, UPPER])
+                for k in range(3):
+                    e[k] -= (place - q[i]) * axes[i, k]
+                longest = max(longest, abs(place - q[i]))
+                q[i] = place
+        if longest <= PLACED:
+            break
+
+
+@bare_kernel
+def place_all(chain, settings, target, memory, starts):
+    """`place_slides` of starts (N, n), in place; memory (lanes_memory(n),)."""
+    lanes = make_lanes(starts.shape[1], memory)
+    for k in range(len(starts)):
+        place_slides(chain, settings, target, lanes, starts[k])

@@ -15,6 +15,9 @@ from maira_qp.errors import OptionError, listed, shown
 from maira_qp.robots.dh import DHTable
 from maira_qp.robots.unit_hints import degrees_hint_of_angles
 
+FOLLOWING = 1e-9
+"""Share by which the limits of a mimic joint are wider than its leader's, so that rounding does not tighten these."""
+
 
 @dataclass(frozen=True)
 class JointLimits:
@@ -116,7 +119,10 @@ def limited_table(table: DHTable, limits: JointLimits) -> DHTable:
 
 
 def limited_urdf(urdf: str, limits: JointLimits) -> str:
-    """The text of a normalised URDF, see `urdf_reader.Chain`, with other limits of its independent joints."""
+    """The text of a normalised URDF, see `urdf_reader.Chain`, with other limits of its independent joints.
+
+    Those of mimic joints become what follows from them: the limits given already keep each joint within its own.
+    """
     root = ElementTree.fromstring(urdf)
     joints = {joint.attrib["name"]: joint for joint in root.findall("joint")}
     for i, name in enumerate(limits.joint_names):
@@ -128,7 +134,20 @@ def limited_urdf(urdf: str, limits: JointLimits) -> str:
                 joint.set("type", "revolute")
         for limit in joint.findall("limit"):
             limit.attrib |= {key: repr(float(value)) if math.isfinite(value) else "0" for key, value in keys.items()}
+        if limits.upper[i] < math.inf:
+            _let_follow(root, name, float(limits.lower[i]), float(limits.upper[i]))
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _let_follow(root: ElementTree.Element, leader: str, lower: float, upper: float) -> None:
+    """Give the mimic joints of a leader the limits that its own, [rad, or m], lead them to, rounding aside."""
+    for joint in root.findall("joint"):
+        mimic, limit = joint.find("mimic"), joint.find("limit")
+        if mimic is not None and limit is not None and mimic.get("joint") == leader:
+            multiplier, offset = float(mimic.attrib["multiplier"]), float(mimic.attrib["offset"])
+            ends = sorted(multiplier * end + offset for end in (lower, upper))
+            slack = FOLLOWING * max(1.0, abs(ends[0]), abs(ends[1]))
+            limit.attrib |= {"lower": repr(ends[0] - slack), "upper": repr(ends[1] + slack)}
 
 
 def _hint(limits: np.ndarray) -> str:

@@ -65,7 +65,8 @@ class Robot(Shown):
     acceleration_limit: np.ndarray
     """Largest accelerations (n,) [rad/s^2, or m/s^2], inf where there is no limit."""
     length: float
-    """Length of the arm stretched out [m]: distances between its joints and to the tip, and prismatic ranges.
+    """Length of the arm stretched out [m], what errors of position are measured by: the distances between its joints
+    and to the tip, and prismatic ranges, each of which counts no more than all distances together.
 
     Of several tips the one that is farthest."""
     urdf: str
@@ -321,15 +322,17 @@ def _model(chain: Chain) -> pin.Model:
 
 
 def _length(model: pin.Model, tip: pin.Frame, limits: tuple[np.ndarray, np.ndarray]) -> float:
-    """The arm's length [m]; 1 where all of its joints and its tip are in one point."""
-    length, joint = float(np.linalg.norm(tip.placement.translation)), tip.parentJoint
+    """`Robot.length` [m] to one tip; 1 where all of its joints and the tip are in one point."""
+    links, ranges, joint = float(np.linalg.norm(tip.placement.translation)), [], tip.parentJoint
     while joint > 0:
         index = model.joints[joint].idx_q
         if "P" in model.joints[joint].shortname().removeprefix("JointModel")[:1]:
-            length += float(limits[1][index] - limits[0][index])
+            ranges.append(float(limits[1][index] - limits[0][index]))
         if model.parents[joint] > 0:
-            length += float(np.linalg.norm(model.jointPlacements[joint].translation))
+            links += float(np.linalg.norm(model.jointPlacements[joint].translation))
         joint = model.parents[joint]
+    most = links if links > 1e-12 else 1.0
+    length = links + sum(min(each, most) for each in ranges)
     return length if length > 1e-12 else 1.0
 
 

@@ -7,14 +7,21 @@ import numpy as np
 from maira_qp.kernels import spherical as joint_row
 from maira_qp.kernels import swivel as elbow_row
 from maira_qp.robots.srs import SRS, SphericalJoint, rotations
+from maira_qp.robots.whole_turns import WholeTurns
+
+ROUNDING = 1e-11
+"""Half a range [rad] that is less than half a turn by less is half a turn."""
 
 
 def srs_array(srs: SRS) -> np.ndarray:
-    """The arm (3, 80) of `maira_qp.kernels.swivel`: the elbow, the shoulder and the wrist."""
-    lower, upper, turned = srs.robot.lower, srs.robot.upper, srs.tip[:3, :3].T
+    """The arm (3, 80) of `maira_qp.kernels.swivel`: the elbow, the shoulder and the wrist.
+
+    Of a joint with more than a turn it holds the turn around the middle of its limits.
+    """
+    (lower, upper), turned = WholeTurns(srs.robot, srs.robot.middle).around(0), srs.tip[:3, :3].T
     elbow = _elbow_axes(srs).T
     arm = np.zeros((3, joint_row.ROW))
-    arm[elbow_row.ELBOW] = _elbow(srs, elbow)
+    arm[elbow_row.ELBOW] = _elbow(srs, elbow, lower[3], upper[3])
     arm[elbow_row.SHOULDER] = _spherical(srs.axes[:3], lower[:3], upper[:3], np.eye(3), elbow)
     arm[elbow_row.WRIST] = _spherical(-srs.axes[:3:-1], lower[:3:-1], upper[:3:-1], turned, elbow)
     return arm
@@ -26,10 +33,10 @@ def _elbow_axes(srs: SRS) -> np.ndarray:
     return np.column_stack([x, np.cross(srs.axes[3], x), srs.axes[3]])
 
 
-def _elbow(srs: SRS, to_elbow: np.ndarray) -> np.ndarray:
-    """The elbow's row; to_elbow (3, 3) turns base axes into the elbow's."""
+def _elbow(srs: SRS, to_elbow: np.ndarray, lower: float, upper: float) -> np.ndarray:
+    """The elbow's row from its limits [rad]; to_elbow (3, 3) turns base axes into the elbow's."""
     row = np.zeros(joint_row.ROW)
-    centre, half = _range(srs.robot.lower[3], srs.robot.upper[3])
+    centre, half = _range(lower, upper)
     lever = srs.tip[:3, :3].T @ (srs.wrist - srs.tip[:3, 3])
     row[elbow_row.CENTRE : elbow_row.LEVER] = srs.shoulder
     row[elbow_row.LEVER : elbow_row.REFERENCE] = lever
@@ -40,7 +47,7 @@ def _elbow(srs: SRS, to_elbow: np.ndarray) -> np.ndarray:
     row[elbow_row.COS_PHASE], row[elbow_row.SIN_PHASE] = np.cos(srs.phase), np.sin(srs.phase)
     row[elbow_row.COS_FROM_MIDDLE], row[elbow_row.SIN_FROM_MIDDLE] = _pair(srs.phase - centre)
     row[elbow_row.MIDDLE], row[elbow_row.COS_HALF], row[elbow_row.SIN_HALF] = centre, _cosine(half), np.sin(half)
-    row[elbow_row.LOWER], row[elbow_row.UPPER] = srs.robot.lower[3], srs.robot.upper[3]
+    row[elbow_row.LOWER], row[elbow_row.UPPER] = lower, upper
     row[elbow_row.LENGTH] = srs.robot.length
     return row
 
@@ -84,8 +91,11 @@ def _limit(joint: SphericalJoint, row: np.ndarray, k: int, centre: float, half: 
 
 
 def _range(lower: float, upper: float) -> tuple[float, float]:
-    """Middle and half of a range [rad]; a continuous joint's is a turn around 0."""
-    return (0.5 * lower + 0.5 * upper, 0.5 * upper - 0.5 * lower) if np.isfinite(lower) else (0.0, np.pi)
+    """Middle and half of a range [rad], of at most a turn but for rounding; a continuous joint's is one around 0."""
+    if not np.isfinite(lower):
+        return 0.0, np.pi
+    half = 0.5 * upper - 0.5 * lower
+    return 0.5 * lower + 0.5 * upper, np.pi if half > np.pi - ROUNDING else half
 
 
 def _cosine(half: float) -> float:

@@ -36,23 +36,36 @@ class WholeTurns:
         return np.asarray(self.revolute & (self.robot.upper - self.robot.lower >= _TURN))
 
     @cached_property
+    def long_slides(self) -> np.ndarray:
+        """Which joints (n,) slide more than twice the arm's length: a search places them by its target."""
+        return np.asarray(self.robot.slides & (self.robot.upper - self.robot.lower > 2 * self.robot.length))
+
+    @cached_property
     def aim(self) -> np.ndarray:
         """The reference (n,), or where that is beyond numbers fine enough the farthest place."""
         return np.clip(self.reference, -FARTHEST, FARTHEST)
 
     @cached_property
     def window(self) -> tuple[np.ndarray, np.ndarray]:
-        """The limits (n,) and (n,); of joints with a turn or more the turn around the reference, within them."""
-        lower, upper, half = self.robot.lower, self.robot.upper, 0.5 * _TURN
+        """What is sampled of the limits, (n,) and (n,): of joints with a turn or more the turn around the reference.
+
+        Of `long_slides` the arm's length on either side of it.
+        """
+        lower, upper = self.robot.lower, self.robot.upper
+        half = np.where(self.robot.slides, self.robot.length, 0.5 * _TURN)
         middle = np.clip(self.aim, lower + half, upper - half)
         first, last = np.maximum(middle - half, lower), np.minimum(middle + half, upper)
-        return np.where(self.everywhere, first, lower), np.where(self.everywhere, last, upper)
+        cut = self.everywhere | self.long_slides
+        return np.where(cut, first, lower), np.where(cut, last, upper)
 
     def around(self, turns: int) -> tuple[np.ndarray, np.ndarray]:
         """The limits (n,) and (n,) with no joint more than so many turns away from `window`; continuous ones stay."""
         first, last = self.window
         cut = self.everywhere & np.isfinite(self.robot.lower)
-        lower, upper = np.maximum(first - turns * _TURN, self.robot.lower), np.minimum(last + turns * _TURN, self.robot.upper)
+        lower, upper = (
+            np.maximum(first - turns * _TURN, self.robot.lower),
+            np.minimum(last + turns * _TURN, self.robot.upper),
+        )
         return np.where(cut, lower, self.robot.lower), np.where(cut, upper, self.robot.upper)
 
     def unwound(self, q: np.ndarray) -> np.ndarray:

@@ -67,7 +67,7 @@ class ChainArrays:
     """(7,) see `maira_qp.kernels.lane_walk`"""
     proofs: Proofs
     turns: WholeTurns | None
-    """Counted to stay near the posture that is wished for, where joints have a turn or more"""
+    """Counted to stay near the posture that is wished for, or the middle, where joints have a turn or more"""
 
     @classmethod
     def of(cls, priorities: Priorities, options: Options) -> Self | str:
@@ -127,7 +127,7 @@ class ChainArrays:
             None if priorities.below else _posture(robot, priorities.redundancy),
             constants,
             proofs,
-            turns if priorities.posture is not None and turns.everywhere.any() else None,
+            turns if turns.everywhere.any() else None,
         )
 
     def takes(self, starts: np.ndarray | None) -> bool:

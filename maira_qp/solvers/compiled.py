@@ -11,6 +11,7 @@ import numpy as np
 from maira_qp.kernels.best_swivel import ROWS, reach_near_posture
 from maira_qp.kernels.blocked import FLOATS, INTEGERS, PIECES
 from maira_qp.kernels.closed_form_search import reach_in_closed_form
+from maira_qp.kernels.descent import lanes_memory
 from maira_qp.kernels.lane_walk import MAX_SETTLING, OBJECTIVE, PROJECTED_GRADIENT, REACHED, STATIONARITY_TOLERANCE
 from maira_qp.kernels.lane_walk import OUTCOME as SETTLED
 from maira_qp.kernels.lanes import LANES
@@ -29,6 +30,7 @@ from maira_qp.kernels.search import (
     search,
 )
 from maira_qp.kernels.settling import settle
+from maira_qp.kernels.starts import has_long_slides, place_all
 from maira_qp.kernels.whole_turns import unwind
 from maira_qp.orientation import ORTHONORMAL_WITHIN
 from maira_qp.solvers.chain_arrays import KIND, WEIGHT, WEIGHTED, ChainArrays
@@ -233,6 +235,13 @@ class Compiled(ChainArrays):
         asked = Asked(np.tile(row, (len(starts), 1)), starts, np.zeros(len(starts), np.uint64), False)
         self._search(asked, 0, 0, q, outcome)
         return q, outcome
+
+    def placed(self, row: np.ndarray, starts: np.ndarray) -> np.ndarray:
+        """The starts (N, n) with slides that are sampled in part only placed by a target (12,)."""
+        if has_long_slides(self.chain):
+            starts = starts.copy()
+            place_all(self.chain, self.settings, row, np.empty(lanes_memory(starts.shape[1])), starts)
+        return starts
 
     def settled(self, row: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The optima of the redundancy near q (N, n), which reach a target (12,), and whether they are reached (N,)."""

@@ -10,11 +10,12 @@ or clearly none; if they are in balance: forward kinematics is a map of degree z
 signs of `det J` over all solutions of a regular pose, limits aside, sum to zero; and if descents from random starts
 find no other. A pose without any branch has to be proved out of reach.
 
-Where the Jacobian has as many ranks as joints move, solutions are isolated, singular poses aside, and each whole turn
-of a joint that fits between its limits makes one of its own. Where more move they form a continuum: each descent is settled at the optimum
-of the objective that its self-motion leads to, and the list holds these optima; of those that differ by whole turns
-alone it holds the one nearest to the posture that is preferred, or to the middle of the limits. An objective that the
-kernels do not know takes long to settle: that is done from the optima of `Posture()` alone.
+Where the rank of the Jacobian is the number of joints that move, solutions are isolated, singular poses aside, and each
+whole turn of a joint that fits between its limits makes one of its own. Where more move they form a continuum: each
+descent is settled at the optimum of the objective that its self-motion leads to, and the list holds these optima; of
+those that differ by whole turns alone it holds the one nearest to the posture that is preferred, or to the middle of
+the limits. An objective that the kernels do not know takes long to settle: that is done from the optima of `Posture()`
+alone.
 """
 
 from __future__ import annotations
@@ -207,7 +208,7 @@ class Enumeration:
 
     def _draw(self, count: int) -> np.ndarray:
         """Random starts (count, n)."""
-        return drawn(self._rng, *self.turns.window, count)
+        return self.engine.placed(self._row, drawn(self._rng, *self.turns.window, count))
 
     @cached_property
     def _free_engine(self) -> Compiled:

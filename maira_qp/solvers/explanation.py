@@ -2,8 +2,9 @@
 
 At a stationary point the gradient of what was minimised is held up by limits alone; what a limit holds up, its
 multiplier, is what the cost would fall by, per rad or m, if the limit gave way (Nocedal and Wright, "Numerical
-Optimization", 2006, section 12.8). That is the first order, so each limit is then released in earnest, and the target
-solved again from where the solve had ended.
+Optimization", 2006, section 12.8). That is the first order, so the limits are then released in earnest, and the target
+solved again: from where the solve had ended, and then from as many starts as any solve. That a target is not reached
+without its limits is called a fact only where it is proved; else it is told how many starts did not.
 """
 
 from __future__ import annotations
@@ -18,12 +19,14 @@ from scipy.optimize import nnls
 
 from maira_qp.arrays import plain
 from maira_qp.display import Card, Shown
+from maira_qp.problem.backends import Backend
 from maira_qp.problem.collision import CollisionLimit
 from maira_qp.problem.costs import multipliers
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks.frame import FrameTask, frame_error
 from maira_qp.robots.configuration import Configuration
+from maira_qp.solvers.options import Options
 from maira_qp.solvers.priorities import Priorities, Targets
 from maira_qp.solvers.setting import Setting
 from maira_qp.solvers.solution import ACTIVE_WITHIN, Solution, Status
@@ -55,7 +58,7 @@ class ActiveLimit:
     orientation: float
     """And off the orientation error [rad]"""
     further: float | None
-    """How much further [rad or m] the joint has to go to reach the target, if that limit alone gives way; else None"""
+    """How far beyond the limit [rad or m] the joint reaches the target, if that limit alone gives way; else None"""
     unit: str
     """Of `further`: "rad" or "m" """
 
@@ -102,6 +105,12 @@ class Explanation(Shown):
     in the axes of the tool; zero where the task is none of a pose"""
     is_reached_without: bool
     """Without these limits the target would be reached"""
+    is_unreachable_without: bool
+    """It is proved that without these limits the target would not be reached either"""
+    starts_without: int
+    """From so many starts the target was looked for without these limits"""
+    is_reached_within: bool
+    """On the way the target was found to be within the limits: the solve had missed it"""
     proof: Proof | None
     """What proves `UNREACHABLE`"""
     is_compromise: bool
@@ -123,6 +132,9 @@ class Explanation(Shown):
             "broken": [asdict(limit) for limit in self.broken],
             "blocked": self.blocked,
             "is_reached_without": self.is_reached_without,
+            "is_unreachable_without": self.is_unreachable_without,
+            "starts_without": self.starts_without,
+            "is_reached_within": self.is_reached_within,
             "is_compromise": self.is_compromise,
             "hints": self.hints,
             "proof": None if self.proof is None else self.proof.words,
@@ -164,30 +176,36 @@ def explain(priorities: Priorities, targets: Targets, solution: Solution, settin
     force = _force(priorities, targets, robot.at(solution.q), solution)
     least = 10 * setting.options.stationarity_tolerance
     pairs, force = _pairs(priorities, targets, setting, solution, force, least)
-    limits = []
+    standing = []
     for end, stands, forces in (
         ("lower", solution.q <= robot.lower + ACTIVE_WITHIN, force),
         ("upper", solution.q >= robot.upper - ACTIVE_WITHIN, -force),
     ):
         for i in np.flatnonzero(stands):
             multiplier = float(forces[i]) if forces[i] > least else 0.0
-            name, unit = f"{robot.joint_names[i]} {end}", "m" if robot.slides[i] else "rad"
-            position = orientation = 0.0
-            further = None
-            if multiplier > 0 and not solution.success:
-                free = question.solved_without([name])
-                position = solution.position_error - free.position_error
-                orientation = solution.orientation_error - free.orientation_error
-                further = float(abs(free.q[i] - solution.q[i])) if free.success else None
-            limits.append(ActiveLimit(name, multiplier, position, orientation, further, unit))
-    limits.sort(key=lambda limit: -limit.multiplier)
-    blocking = [limit.name for limit in limits if limit.multiplier > 0]
-    blocked, without = np.zeros(6), False
+            unit = "m" if robot.slides[i] else "rad"
+            standing.append(ActiveLimit(f"{robot.joint_names[i]} {end}", multiplier, 0.0, 0.0, None, unit))
+    blocking = [limit.name for limit in standing if limit.multiplier > 0]
     touching = any(pair.multiplier > 0 for pair in pairs)
-    if (blocking or touching) and not solution.success:
+    blocked, free, alone = np.zeros(6), None, {}
+    if not solution.success and (blocking or touching or solution.status is not Status.UNREACHABLE):
         free = question.solved_without(blocking, collisions=not touching)
-        blocked, without = question.way_to(free.q), free.success
+        blocked = question.way_to(free.q) if blocking or touching else blocked
+        # one limit alone is of use only if all together are
+        alone = {name: question.solved_without([name], everywhere=free.success) for name in blocking}
+    limits = [
+        replace(
+            limit,
+            position=solution.position_error - alone[limit.name].position_error,
+            orientation=solution.orientation_error - alone[limit.name].orientation_error,
+            further=question.beyond(limit.name, alone[limit.name]),
+        )
+        if limit.name in alone
+        else limit
+        for limit in sorted(standing, key=lambda limit: -limit.multiplier)
+    ]
     weighs = isinstance(priorities.redundancy, Weighted) and not solution.success
+    found = [one for one in (free, *alone.values()) if one is not None and one.success]
     return Explanation(
         status=solution.status,
         position_error=solution.position_error,
@@ -195,7 +213,10 @@ def explain(priorities: Priorities, targets: Targets, solution: Solution, settin
         limits=tuple(limits),
         pairs=pairs,
         blocked=blocked,
-        is_reached_without=without,
+        is_reached_without=free is not None and free.success,
+        is_unreachable_without=free is not None and free.status is Status.UNREACHABLE,
+        starts_without=0 if free is None else free.restarts + 1,
+        is_reached_within=any(question.is_within(one.q) for one in found) and not weighs,
         proof=solution.proof,
         is_compromise=weighs and question.solved_without([]).success,
         hints=solution.hints,
@@ -277,14 +298,16 @@ class _Question:
     setting: Setting
     q: np.ndarray
 
-    def solved_without(self, limits: list[str], collisions: bool = True) -> Solution:
+    def solved_without(self, limits: list[str], collisions: bool = True, everywhere: bool = True) -> Solution:
         """The tasks solved from q (n,), without these limits; past them the joints go no further than they must.
 
-        Without `collisions`, bodies may touch as well.
+        Without `collisions`, bodies may touch as well. `everywhere`: where that fails, from as many starts as a solve.
         """
         from maira_qp.solvers.solver import Solver  # which knows this module
 
         robot, held = self.setting.robot, np.full(len(self.q), OTHERS_COUNT)
+        options = self.setting.options
+        restarts = max(options.max_restarts, Options().max_restarts)
         for name in limits:
             held[robot.joint_names.index(name.rsplit(" ", 1)[0])] = 1.0
         solver = Solver(
@@ -292,10 +315,23 @@ class _Question:
             task=self.priorities.first,
             limits=[one for one in self.setting.further if collisions or not isinstance(one, CollisionLimit)],
             redundancy=Strict(Posture(self.q, held)),
-            backend=self.setting.backend,
-            options=replace(self.setting.options, max_restarts=0, deadline=None),
+            # in compiled code where that is possible, unless somebody else was asked for
+            backend=None if self.setting.backend == Backend("daqp") else self.setting.backend,
+            options=replace(options, max_restarts=restarts if everywhere else 0, deadline=None),
         )
         return solver.solve(dict(self.targets) or None, q0=self.q)
+
+    def is_within(self, q: np.ndarray) -> bool:
+        """Whether q (n,), which solves the tasks without some limits, keeps all of them."""
+        robot, at = self.setting.robot, self.setting.robot.at(q)
+        return bool(((robot.lower <= q) & (q <= robot.upper)).all()) and self.setting.breach(at) == 0.0
+
+    def beyond(self, limit: str, free: Solution) -> float | None:
+        """How far beyond a limit [rad or m] the target is reached without it; None: it is not, or that far not."""
+        joint, end = limit.rsplit(" ", 1)
+        i, robot = self.setting.robot.joint_names.index(joint), self.setting.robot
+        further = float(free.q[i] - robot.upper[i] if end == "upper" else robot.lower[i] - free.q[i])
+        return further if free.success and further > 0 else None
 
     def way_to(self, q: np.ndarray) -> np.ndarray:
         """From the answer to q (n,), the frame's displacement (6,) in its own axes, for a task of a pose; else zero."""
@@ -338,6 +374,8 @@ def _reasons(why: Explanation) -> Iterator[str]:
             cost = f", which costs {pair.multiplier:.3g} per m" if pair.multiplier > 0 else ""
             yield f"{_apart(pair)}{cost}."
         return
+    if why.is_reached_within:
+        yield "From another start the target is reached within the limits."
     if not why.blocking:
         yield f"No {'joint ' if not why.pairs else ''}limit holds it back."
         return
@@ -356,9 +394,13 @@ def _reasons(why: Explanation) -> Iterator[str]:
         further = _amount(least.further or 0.0, least.unit)
         yield f"With {joint} {further} beyond its {end} limit the target would be reached."
     elif why.is_reached_without:
-        yield "Without these limits the target would be reached."
+        if not why.is_reached_within:
+            yield "Without these limits the target would be reached."
+    elif why.is_unreachable_without:
+        yield "It is proved that without these limits it would not be reached either."
     else:
-        yield "Without these limits it would not be reached either."
+        starts = "one start" if why.starts_without == 1 else f"any of {why.starts_without} starts"
+        yield f"Without these limits it was not reached either, from {starts}."
 
 
 def _apart(pair: ActivePair) -> str:

@@ -72,7 +72,8 @@ class General:
         elif found is None:
             hopeless = lambda: self._is_hopeless(targets)  # noqa: E731
             found = search_limbs(cost, start, self.setting, budget, rng, self.reached, is_hopeless=hopeless)
-        if start is None and self.priorities.posture is not None:
+        is_felt_below = sought is cost and bool(self.priorities.below)
+        if start is None and (self.priorities.posture is not None or not is_felt_below):
             found = replace(found, best=self._unwound(found.best, sought))
         moved = bool(start is not None and (start != q0).any())
         return self._finish(found, cost, wish, reached, budget, moved, targets)
@@ -100,8 +101,12 @@ class General:
         return Search(first.best, found.restarts, found.proved) if first is not None and nearer else found
 
     def _unwound(self, best: Descent, sought: TaskCost) -> Descent:
-        """The same with each joint at the whole turn nearest to the posture, where what was sought is reached there."""
-        at = self.setting.robot.at(self.priorities.turns.within(best.at.q[None])[0])
+        """The same with each joint at the whole turn nearest to the posture, or to the middle, if it reaches what was
+        sought there."""
+        turns = self.priorities.turns
+        if not turns.everywhere.any():
+            return best
+        at = self.setting.robot.at(turns.within(best.at.q[None])[0])
         is_there = best.reached and self.reached(sought)(at) and not self.setting.broken(at)
         return Descent(at, sought.value(at), True) if is_there else best
 

@@ -25,11 +25,11 @@ a better optimum."""
 
 
 def starting_library(robot: Robot, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Configurations (LIBRARY, n): corners of the limits, the others spread evenly between lower and upper (n,)."""
+    """Configurations (LIBRARY, n): corners of lower and upper (n,), the others spread evenly between them."""
     n = robot.n
     all_of_them = 2**n <= CORNERS
     pick = np.arange(2**n)[:, None] >> np.arange(n) & 1 if all_of_them else _spread(CORNERS, n) > 0.5
-    corners = np.where(pick, robot.drawn_range[1], robot.drawn_range[0])
+    corners = np.where(pick, upper, lower)
     share = _spread(LIBRARY - len(corners), n)
     return np.concatenate([corners, np.clip((1 - share) * lower + share * upper, lower, upper)])
 
@@ -37,21 +37,32 @@ def starting_library(robot: Robot, lower: np.ndarray, upper: np.ndarray) -> np.n
 def library_features(robot: Robot, library: np.ndarray, settings: np.ndarray, posture: Posture | None) -> np.ndarray:
     """Features (LIBRARY / LANES, FEATURES, LANES) of a library, see `maira_qp.kernels.starts`.
 
-    Their square counts the distance from a posture too, or from the middle.
+    Their square counts the distance from a posture too, or from the middle. Slides that are placed by the target count
+    in neither.
     """
-    features = np.empty((LIBRARY // LANES, FEATURES, LANES))
-    fill_library(settings, np.array([row_of(robot.at(q).placement(None)) for q in library]), features)
+    features, turns = np.empty((LIBRARY // LANES, FEATURES, LANES)), WholeTurns(robot, robot.middle)
+    poses = np.array([row_of(robot.at(q).placement(None)) for q in library])
+    if turns.long_slides.any():
+        poses[:, 9:] = poses[:, 9:] @ _across_slides(robot, turns.long_slides)
+    fill_library(settings, poses, features)
     share = POSTURE_SHARE
     if posture is None:
-        limited = ~WholeTurns(robot, robot.middle).everywhere
-        posture, share = Posture(weights=limited.astype(float)).of(robot), MIDDLE_SHARE
-    distance = np.square(library - posture.q_ref) @ posture.weights
+        posture, share = Posture(weights=(~turns.everywhere).astype(float)).of(robot), MIDDLE_SHARE
+    distance = np.square(library - posture.q_ref) @ (posture.weights * ~turns.long_slides)
     distance = np.minimum(distance, distance.mean())  # nothing else is near a target in a corner of the limits
     poses = features[:, :SQUARE]
     spread = np.square(poses - poses.mean(axis=(0, 2), keepdims=True)).sum(axis=1).mean()
     if distance.mean() > 0.0:
         features[:, SQUARE] += (share * spread / distance.mean()) * distance.reshape(-1, LANES)
     return features
+
+
+def _across_slides(robot: Robot, slides: np.ndarray) -> np.ndarray:
+    """Projection (3, 3) of positions onto what long slides (n,) cannot change; of slides behind other joints: zero."""
+    if slides[np.argmin(robot.slides) :].any() and not robot.slides.all():
+        return np.zeros((3, 3))
+    directions = robot.jacobian(robot.middle)[:3, slides]
+    return np.eye(3) - directions @ np.linalg.pinv(directions)
 
 
 def _spread(count: int, n: int) -> np.ndarray:

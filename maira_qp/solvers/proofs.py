@@ -28,7 +28,7 @@ MOST_BOXES = 2000
 """Boxes of joint values that a proof may take: a few milliseconds."""
 
 ROUNDING = 1e-12
-"""What kinematics may be off by, in lengths of the arm and in rad."""
+"""What kinematics may be off by, in lengths of the arm and of its slides, and in rad."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,9 @@ class Proofs:
             if placed or turned:
                 places = tool_points(robot) if placed and turned else np.zeros((int(placed), 3))
                 levers = np.linalg.norm(places, axis=1)
-                near = options.position_tolerance + levers * options.orientation_tolerance + ROUNDING * robot.length
+                slid = np.abs([robot.lower[robot.slides], robot.upper[robot.slides]]).max(axis=0).sum()
+                rounding = ROUNDING * (robot.length + slid)
+                near = options.position_tolerance + levers * options.orientation_tolerance + rounding
                 turn = options.orientation_tolerance + ROUNDING if turned else np.inf
                 srs = SRS.of(robot) if placed and turned else None
                 points = np.column_stack([places, near])

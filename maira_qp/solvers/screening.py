@@ -38,7 +38,8 @@ def screen(
     Without them it is solved once from as many random starts as there may be attempts.
     """
     robot, options = setting.robot, setting.options
-    q, outcome = engine.descend(row, np.array([setting.random_start(rng) for _ in range(options.max_restarts + 1)]))
+    starts = np.array([setting.random_start(rng) for _ in range(options.max_restarts + 1)])
+    q, outcome = engine.descend(row, engine.placed(row, starts))
     budget.iterations += int(outcome[:, SPENT].sum())
     breaches = np.full(len(q), np.inf)
     arrived = np.flatnonzero(outcome[:, SUCCESS] > 0.0)

@@ -15,6 +15,7 @@ import numpy as np
 
 from maira_qp.problem.costs import Cost, ExactTaskCost, TaskCost
 from maira_qp.problem.hierarchy import Level, positive_part, projected_gradient
+from maira_qp.problem.qp import QP
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
 from maira_qp.solvers.descent import Budget, Descent, Stall, descend
@@ -27,6 +28,9 @@ Reached = Callable[[Configuration], bool]
 
 HEAD = 64
 """After so many restarts without success it is worth a few milliseconds to see whether the target is out of reach."""
+
+PLACING = 1e-9
+"""Regularisation of the problem that places slides, relative to its Hessian."""
 
 DRAWS = 5
 """Times that candidates for a start are drawn before one outside limits that are not linear is taken."""
@@ -112,7 +116,7 @@ def random_start(cost: TaskCost, setting: Setting, stream: np.random.Generator, 
     """
     robot, least = setting.robot, None
     for _ in range(DRAWS if setting.is_bent else 1):
-        drawn = [setting.random_start(stream) for _ in range(setting.options.start_candidates)]
+        drawn = [placed(cost, setting, setting.random_start(stream)) for _ in range(setting.options.start_candidates)]
         if not setting.is_bent:
             return min((robot.at(setting.admitted(q)) for q in drawn), key=cost.value)
         candidates = [robot.at(q) for q in drawn]
@@ -128,6 +132,21 @@ def random_start(cost: TaskCost, setting: Setting, stream: np.random.Generator, 
                 return least
     assert least is not None
     return least
+
+
+def placed(cost: TaskCost, setting: Setting, q: np.ndarray) -> np.ndarray:
+    """The configuration (n,) with its long slides where the cost is least, see `kernels.starts.place_slides`."""
+    slides = setting.long_slides
+    if not slides.any():
+        return q
+    robot, level = setting.robot, cost.level(setting.robot.at(q))
+    H, c, k = level.H[np.ix_(slides, slides)], level.c[slides], int(slides.sum())
+    size = max(float(np.abs(H).max()), np.finfo(float).tiny)
+    box = robot.lower[slides] - q[slides], robot.upper[slides] - q[slides]
+    step = setting.backend.solve(QP(H / size + PLACING * np.eye(k), c / size, *box, np.empty((0, k)), np.empty(0)))
+    q = q.copy()
+    q[slides] += step.x if step.found else 0.0
+    return robot.clip(q)
 
 
 def nearest(cost: TaskCost, descent: Descent, setting: Setting, budget: Budget) -> Descent:

@@ -70,6 +70,12 @@ class Setting:
             *self.further,
         )
 
+    @cached_property
+    def long_slides(self) -> np.ndarray:
+        """Slides (n,) that are sampled in part only."""
+        first, last = self.start_range
+        return self.robot.slides & ((first > self.robot.lower) | (last < self.robot.upper))
+
     def random_start(self, rng: np.random.Generator) -> np.ndarray:
         """A configuration (n,) to start from, uniform within the range."""
         return drawn(rng, *self.start_range)

@@ -1,0 +1,131 @@
+"""Slides that are much longer than the arm they carry: their range is no measure of the arm, nor of its starts."""
+
+import numpy as np
+import pytest
+
+import maira_qp as mq
+from maira_qp.kernels.descent import lanes_memory
+from maira_qp.kernels.starts import place_all
+from maira_qp.robots.whole_turns import WholeTurns
+from maira_qp.solvers.compiled import Compiled
+from maira_qp.solvers.options import Options
+from maira_qp.solvers.priorities import Priorities
+from maira_qp.solvers.targets import row_of
+
+ARM = [
+    ("0 0 1", 0.3, 3),
+    ("0 1 0", 0.1, 2),
+    ("0 1 0", 0.4, 2.5),
+    ("0 0 1", 0.2, 3),
+    ("0 1 0", 0.2, 2),
+    ("0 0 1", 0.1, 3),
+]
+"""Axis, offset along z [m] and limit [rad] of each joint."""
+BASES = {
+    "rail": ["1 0 0"],
+    "floor": ["1 0 0", "0 1 0"],
+    "oblique": ["1 0 0", "0.8 0.6 0"],
+    "mast": ["0 0 1"],
+    "behind a joint": ["turn", "1 0 0"],
+    "within the arm": [],
+}
+
+
+def mobile(base: str, length: float) -> mq.Robot:
+    """An arm of six joints on slides of a length [m] in each direction."""
+    parts, parent = [], "base"
+
+    def add(kind: str, axis: str, z: float, end: float) -> None:
+        nonlocal parent
+        name = f"link{len(parts)}"
+        limit = "" if kind == "continuous" else f'lower="{-end}" upper="{end}"'
+        parts.append(
+            f'<link name="{name}"/><joint name="joint{len(parts)}" type="{kind}"><parent link="{parent}"/>'
+            f'<child link="{name}"/><origin xyz="0 0 {z}"/><axis xyz="{axis}"/>'
+            f'<limit {limit} velocity="1" effort="1"/></joint>'
+        )
+        parent = name
+
+    for axis in BASES[base]:
+        add(*(("continuous", "0 0 1") if axis == "turn" else ("prismatic", axis)), 0.0, length)
+    for i, (axis, z, end) in enumerate(ARM):
+        add("revolute", axis, z, end)
+        if i == 2 and base == "within the arm":
+            add("prismatic", "0 0 1", 0.1, length)
+    return mq.Robot.from_urdf(f'<robot name="{base}"><link name="base"/>{"".join(parts)}</robot>', tip=parent)
+
+
+def configurations(robot: mq.Robot, rng: np.random.Generator, count: int) -> np.ndarray:
+    """Some (N, n) that stand within 2 m of home, others anywhere, but where a joint would have to aim far along a slide."""
+    q = np.array([robot.random_configuration(rng) for _ in range(count)])
+    near = slice(None, None, 2 if robot.slides[0] else 1)
+    q[near, robot.slides] = rng.uniform(-2.0, 2.0, q[near, robot.slides].shape)
+    return q
+
+
+@pytest.mark.parametrize("length", [1e3, 999999.0])
+@pytest.mark.parametrize("base", BASES)
+def test_what_is_within_reach_is_reached_however_long_the_slides(base, length, rng):
+    """By both engines, with a handful of restarts; judged by kinematics of the answer."""
+    robot = mobile(base, length)
+    T = np.array([robot.forward(q).homogeneous for q in configurations(robot, rng, 16)])
+    batch = mq.Solver(robot).solve_batch(T)
+    assert batch.success.all()
+    assert batch.restarts.max() <= 20
+    for q, target in zip(batch.q, T, strict=True):
+        assert np.abs(mq.pose_error(robot.forward(q).homogeneous, target)).max() < 1e-6
+    general = mq.Solver(robot, backend="daqp")
+    assert all(general.solve(target).success for target in T[:2])
+
+
+def test_the_arm_is_measured_by_its_links():
+    """And by slides as far as these are no longer than they are."""
+    links = 0.1 + 0.4 + 0.2 + 0.2 + 0.1
+    assert mobile("rail", 999999.0).length == pytest.approx(0.3 + links + 1.3)
+    assert mobile("rail", 0.05).length == pytest.approx(0.3 + links + 0.1)
+    weights = [mq.Solver(mobile("floor", length)).tasks[0].weights[0] for length in (10.0, 1e6)]
+    assert weights[0] == pytest.approx(weights[1])
+
+
+def test_the_verdict_beside_a_rail_is_true(rng):
+    """A target 2 m above what the arm reaches: the answer is as far away as it must be, beside it on the rail."""
+    robot = mobile("rail", 999999.0)
+    s = mq.Solver(robot, task=mq.PositionTask()).solve(mq.pose([5e4, 0.0, 3.3]))
+    assert s.status in (mq.Status.NEAREST, mq.Status.UNREACHABLE)
+    assert s.position_error == pytest.approx(2.0, abs=1e-5)
+    with pytest.raises(mq.errors.PoseError, match="times the arm's length"):
+        mq.Solver(robot).solve(mq.pose([1e12, 0.0, 0.5]))
+
+
+def test_solutions_and_further_limits_find_their_way_along_a_rail(rng):
+    robot = mobile("rail", 999999.0)
+    solver = mq.Solver(robot, limits=[mq.LinearLimit(np.eye(7)[1:2], [0.5])])
+    for q in configurations(robot, rng, 3):
+        q[1] = min(q[1], 0.4)
+        target = robot.forward(q)
+        assert solver.solve(target).success
+        listed = mq.Solver(robot).solutions(target)
+        assert len(listed) > 0
+        assert all(max(one.position_error, one.orientation_error) < 1e-6 for one in listed)
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_slides_are_placed_where_no_other_place_is_nearer(base, rng):
+    """Against a hundred places around it, the ends of the slides included."""
+    robot = mobile(base, 20.0)
+    engine = Compiled.of(Priorities.of(robot, None, (), None), Options())
+    slides = robot.slides
+    assert WholeTurns(robot, robot.middle).long_slides.tolist() == slides.tolist()
+    for far in (1.0, 40.0):
+        target = mq.pose(rng.uniform(-far, far, 3))
+        starts = np.array([robot.random_configuration(rng) for _ in range(3)])
+        placed = starts.copy()
+        place_all(engine.chain, engine.settings, row_of(target), np.empty(lanes_memory(robot.n)), placed)
+        np.testing.assert_array_equal(placed[:, ~slides], starts[:, ~slides])
+        for q in placed:
+            least = np.linalg.norm(robot.forward(q).translation - target.translation)
+            for step in 10.0 ** rng.uniform(-4, 1.5, 100):
+                other = q.copy()
+                other[slides] += step * rng.standard_normal(int(slides.sum()))
+                other = robot.clip(other)
+                assert np.linalg.norm(robot.forward(other).translation - target.translation) > least - 1e-3
