@@ -56,7 +56,7 @@ def mobile(base: str, length: float) -> mq.Robot:
 
 
 def configurations(robot: mq.Robot, rng: np.random.Generator, count: int) -> np.ndarray:
-    """Some (N, n) that stand within 2 m of home, others anywhere, but where a joint would have to aim far along a slide."""
+    """Some (N, n) within 2 m of home, others anywhere, but where a joint would have to aim far along a slide."""
     q = np.array([robot.random_configuration(rng) for _ in range(count)])
     near = slice(None, None, 2 if robot.slides[0] else 1)
     q[near, robot.slides] = rng.uniform(-2.0, 2.0, q[near, robot.slides].shape)

@@ -401,7 +401,7 @@ def test_an_arm_whose_last_joints_are_in_line_is_never_said_to_be_listed(rng):
 
 
 def test_a_list_with_a_branch_less_is_not_called_complete(rng, monkeypatch):
-    """A closed form that loses a branch, a pair of them, or all: what descents find is added, or the loss is noticed."""
+    """A closed form that loses a branch, a pair of them, or all: descents find them, or the loss is noticed."""
     robot = load("kr210")
     solver, branches = mq.Solver(robot), Decomposition.branches
     for _ in range(5):
