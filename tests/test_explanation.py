@@ -239,22 +239,26 @@ def test_a_target_within_the_limits_that_was_missed_is_said_to_be_there(rng):
     assert missed > 3
 
 
-def test_an_upper_limit_beside_a_ball_costs_what_it_holds_up(maira, rng):
-    """Limits and bodies share the force: what a joint's upper limit is said to cost is what moving it gains."""
-    q = maira.clip(np.array([0.3, 0.6, 0.2, 1.2, 0.1, 0.5, 0.0]))
-    target = maira.forward(q)
-    ball = mq.Sphere(0.08, mq.pose(target.translation - np.array([0.0, 0.0, 0.12])), name="ball")
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_limits_and_bodies_cost_side_by_side_is_told_apart(side):
+    """A ball on two slides that runs into a limit in x and into another ball in y: each holds its own part of the force."""
+    slide = (
+        '<joint name="{0}" type="prismatic"><parent link="{1}"/><child link="{2}"/><axis xyz="{3}"/>'
+        '<limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
+    )
+    text = (
+        f'<robot name="m"><link name="a"/><link name="b"/>{slide.format("x", "a", "b", "1 0 0")}'
+        f'{slide.format("y", "b", "c", "0 1 0")}<link name="c"><collision><geometry><sphere radius="0.1"/></geometry>'
+        "</collision></link></robot>"
+    )
+    robot = mq.Robot.from_urdf(text, tip="c")
+    ball = mq.Sphere(0.1, mq.pose([side, 0.7 * side, 0.0]), name="ball")
     limit = mq.CollisionLimit(obstacles=[ball], margin=0.02, self_collision=False)
-    costs, options = [], mq.Options(max_restarts=0, stationarity_tolerance=1e-8)
-    target.translation -= [0.0, 0.0, 0.05]
-    for step in (0.0, 1e-4):
-        short = maira.limited(upper={"joint4": 1.1 + step})
-        s = mq.Solver(short, limits=[limit], options=options).solve(target, q0=short.clip(q))
-        weights = mq.Solver(maira).tasks[0].weights
-        costs.append(0.5 * np.sum((weights * mq.pose_error(short.forward(s.q), target)) ** 2))
-        if step == 0.0:
-            why = s.explain()
-    (upper,) = [each for each in why.limits if each.name == "joint4 upper"]
-    assert any(pair.multiplier > 0 for pair in why.pairs)
-    assert upper.multiplier > 0
-    assert (costs[0] - costs[1]) / 1e-4 == pytest.approx(upper.multiplier, rel=0.05)
+    solver = mq.Solver(robot, task=mq.PositionTask(), limits=[limit], options=mq.Options(max_restarts=0))
+    s = solver.solve(mq.pose([1.5 * side, 1.0 * side, 0.0]), q0=[side, 0.2 * side])
+    np.testing.assert_allclose(s.q, [side, 0.48 * side], atol=1e-5)
+    why, weight = s.explain(), solver.tasks[0].weights[0]
+    (one,), (pair,) = why.limits, why.pairs
+    assert one.name == ("x upper" if side > 0 else "x lower")
+    assert one.multiplier == pytest.approx(0.5 * weight**2, rel=1e-3)
+    assert pair.multiplier == pytest.approx(0.52 * weight**2, rel=1e-3)

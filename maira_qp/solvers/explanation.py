@@ -394,8 +394,7 @@ def _reasons(why: Explanation) -> Iterator[str]:
         further = _amount(least.further or 0.0, least.unit)
         yield f"With {joint} {further} beyond its {end} limit the target would be reached."
     elif why.is_reached_without:
-        if not why.is_reached_within:
-            yield "Without these limits the target would be reached."
+        yield "Without these limits the target would be reached."
     elif why.is_unreachable_without:
         yield "It is proved that without these limits it would not be reached either."
     else:
