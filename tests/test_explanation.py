@@ -241,7 +241,7 @@ def test_a_target_within_the_limits_that_was_missed_is_said_to_be_there(rng):
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_what_limits_and_bodies_cost_side_by_side_is_told_apart(side):
-    """A ball on two slides that runs into a limit in x and into another ball in y: each holds its own part of the force."""
+    """A ball on slides runs into a limit in x and into another ball in y: each holds its part of the force."""
     slide = (
         '<joint name="{0}" type="prismatic"><parent link="{1}"/><child link="{2}"/><axis xyz="{3}"/>'
         '<limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'

@@ -86,7 +86,11 @@ class Solutions(Shown, Sequence[ListedSolution]):
         return iter(self.items)
 
     def _card(self) -> Card:
-        told = f", {self.starts} starts, {self.starts_without_new} since the last new one" if self.method == "numerical" else ""
+        told = (
+            f", {self.starts} starts, {self.starts_without_new} since the last new one"
+            if self.method == "numerical"
+            else ""
+        )
         complete = "complete" if self.is_complete else "not proved complete"
         names = self.items[0].joint_names if self.items else ()
         more = len(self) - SHOWN
