@@ -292,9 +292,9 @@ class _Cells:
         """Where next to a singular end [rad] the joints' angles (7,) can be told, and these: `step` is as below."""
         psi = end + 0.5 * step * 0.5 ** np.arange(48, -1, -2.0)
         regular = ~_is_singular(self.srs, self.elbow, psi, 10 * _NEAR)
-        psi = psi[[regular.argmax() if regular.any() else -1]]
-        place = BRANCHES.index(self.branch) % 4
-        return float(psi[0]), _from_seam(self.srs, self.srs.evaluate(self.elbow, psi)[:, place])[0]
+        first = int(regular.argmax()) if regular.any() else len(psi) - 1
+        q = self.srs.evaluate(self.elbow, psi[first : first + 1])[0, BRANCHES.index(self.branch) % 4]
+        return float(psi[first]), _from_seam(self.srs, q)
 
     def _inside_from(self, end: float, step: float) -> float:
         """The end of an arc [rad] that rounding put outside, moved inwards; `step` [rad] is its cell, from there on."""
