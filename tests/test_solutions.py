@@ -355,6 +355,8 @@ def test_whole_turns_without_end_are_counted_not_listed(name, limit, maira, rng)
         closest = solver.solve(target, q0, prefer="closest")
         assert closest.success
         assert np.abs(closest.q - q0).max() <= np.pi + 1e-6
+    if limit < 1e16:
+        return
     listed = solver.solutions(target)
     assert 0 < len(listed) <= 4096
     check(robot, target, listed)
