@@ -16,7 +16,7 @@ from maira_qp.robots.dh import DHTable
 from maira_qp.robots.unit_hints import degrees_hint_of_angles
 
 FOLLOWING = 1e-9
-"""Share by which the limits of a mimic joint are wider than its leader's, so that rounding does not tighten these."""
+"""Share by which the limits of a mimic joint become wider than its leader's, and differ at least for that."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def limited_table(table: DHTable, limits: JointLimits) -> DHTable:
 def limited_urdf(urdf: str, limits: JointLimits) -> str:
     """The text of a normalised URDF, see `urdf_reader.Chain`, with other limits of its independent joints.
 
-    Those of mimic joints become what follows from them: the limits given already keep each joint within its own.
+    Those of mimic joints become as wide as these need them.
     """
     root = ElementTree.fromstring(urdf)
     joints = {joint.attrib["name"]: joint for joint in root.findall("joint")}
@@ -140,14 +140,17 @@ def limited_urdf(urdf: str, limits: JointLimits) -> str:
 
 
 def _let_follow(root: ElementTree.Element, leader: str, lower: float, upper: float) -> None:
-    """Give the mimic joints of a leader the limits that its own, [rad, or m], lead them to, rounding aside."""
+    """Widen the limits of a leader's mimic joints to what its own, [rad, or m], lead them to."""
     for joint in root.findall("joint"):
         mimic, limit = joint.find("mimic"), joint.find("limit")
         if mimic is not None and limit is not None and mimic.get("joint") == leader:
             multiplier, offset = float(mimic.attrib["multiplier"]), float(mimic.attrib["offset"])
             ends = sorted(multiplier * end + offset for end in (lower, upper))
             slack = FOLLOWING * max(1.0, abs(ends[0]), abs(ends[1]))
-            limit.attrib |= {"lower": repr(ends[0] - slack), "upper": repr(ends[1] + slack)}
+            if ends[0] < float(limit.get("lower", -math.inf)) - slack:
+                limit.set("lower", repr(ends[0] - slack))
+            if ends[1] > float(limit.get("upper", math.inf)) + slack:
+                limit.set("upper", repr(ends[1] + slack))
 
 
 def _hint(limits: np.ndarray) -> str:

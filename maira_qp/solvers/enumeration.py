@@ -88,13 +88,14 @@ def all_solutions(
     if srs is not None:
         ranked, are_all = best_of_each_arc(srs, task.target, objective)
         items = [_listed(task, objective, robot, one.q, one.arc, one.psi) for one in ranked]
-        kept = tuple(one for one in items if _is_reached(setting, one.position_error, one.orientation_error))
+        kept = [one for one in items if _is_reached(setting, one.position_error, one.orientation_error)]
         reason = ""
         if srs.is_singular(task.target.homogeneous) or len(kept) < len(items):
             reason = "at a singular pose joints turn against each other: one way is listed"
         elif not are_all:
             reason = TOO_MANY_TURNS
-        return Solutions(kept, "closed form (S-R-S)", not reason, reason=reason)
+        ranking = tuple(sorted(kept, key=lambda one: one.cost))
+        return Solutions(ranking, "closed form (S-R-S)", not reason, reason=reason)
     engine = engine or Compiled.of(priorities, setting.options)  # type: ignore[assignment]
     if not isinstance(engine, Compiled):
         raise OptionError(f"solutions cannot be listed: {engine}")

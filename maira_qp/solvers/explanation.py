@@ -324,7 +324,7 @@ class _Question:
     def is_within(self, q: np.ndarray) -> bool:
         """Whether q (n,), which solves the tasks without some limits, keeps all of them."""
         robot, at = self.setting.robot, self.setting.robot.at(q)
-        return bool(((robot.lower <= q) & (q <= robot.upper)).all()) and self.setting.breach(at) == 0.0
+        return bool(((robot.lower <= q) & (q <= robot.upper)).all()) and not self.setting.broken(at)
 
     def beyond(self, limit: str, free: Solution) -> float | None:
         """How far beyond a limit [rad or m] the target is reached without it; None: it is not, or that far not."""
