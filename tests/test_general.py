@@ -5,7 +5,7 @@ import pytest
 
 import maira_qp as mq
 
-OUTCOME = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+OUTCOME = [1.0, *[0.0] * 8]
 """What a compiled search leaves where it has reached the target at once."""
 
 

@@ -310,8 +310,6 @@ def test_closest_has_to_be_meant(maira):
             solver.solve_batch([target], **wrong)
     with pytest.raises(mq.errors.OptionError, match="observe"):
         solver.solve(target, q0, prefer="closest", observe=print)
-    with pytest.raises(mq.errors.OptionError, match="two wishes"):
-        mq.Solver(maira, redundancy=mq.Strict(mq.Posture())).solve(target, q0, prefer="closest")
     with pytest.raises(mq.errors.OptionError, match="PoseTask"):
         mq.Solver(maira, task=mq.PositionTask()).solve(target, q0, prefer="closest")
 

@@ -113,7 +113,7 @@ def test_the_kernel_unwinds_as_this_does(name, rng):
     q[:, np.isinf(robot.lower)] *= 30.0
     reached = rng.choice([-1.0, 0.0, 1.0], len(q))
     expected = np.where(reached[:, None] > 0, WholeTurns(robot, reference).within(q), q)
-    unwind(chain_of(robot), reference, reached, q)
+    unwind(chain_of(robot), reference[None], reached, q)
     np.testing.assert_allclose(q, expected, rtol=0, atol=1e-13)
 
 

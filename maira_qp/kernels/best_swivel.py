@@ -16,7 +16,7 @@ from maira_qp.kernels.closed_form import bends, spans, turns
 from maira_qp.kernels.closed_form_search import confirm
 from maira_qp.kernels.compilation import bare_kernel
 from maira_qp.kernels.lanes import LANES, full, load, most, root, select, store
-from maira_qp.kernels.search import FINAL_COST, SUCCESS
+from maira_qp.kernels.search import FINAL_COST, LEFT, SUCCESS
 from maira_qp.kernels.sine import sine_cosine
 from maira_qp.kernels.spherical import (
     CENTRE,
@@ -68,7 +68,7 @@ def reach_near_posture(
             postures[part, which, 2] = 0.5 * weights[i]
     for k in range(len(targets)):
         found = _start(arm, targets[k], postures, reference[3], weights[3], work, lanes, q[k])
-        outcome[k, SUCCESS], outcome[k, FINAL_COST] = 0.0, np.inf
+        outcome[k, SUCCESS], outcome[k, FINAL_COST], outcome[k, LEFT] = 0.0, np.inf, 0.0
         if found:
             confirm(chain, settings, targets[k], kinematics, q[k], outcome[k])
 

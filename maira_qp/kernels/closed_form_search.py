@@ -17,6 +17,7 @@ from maira_qp.kernels.descent import (
 from maira_qp.kernels.search import (
     ATTEMPT,
     FINAL_COST,
+    LEFT,
     MOVED,
     ORIENTATION_ERROR,
     POSITION_ERROR,
@@ -42,7 +43,7 @@ def reach_in_closed_form(
     work = make_work(floats, integers)
     for k in range(len(targets)):
         offset = TURN * np.float64(streams[k] >> np.uint64(32)) if shuffled else 0.0
-        outcome[k, SUCCESS], outcome[k, FINAL_COST] = 0.0, np.inf
+        outcome[k, SUCCESS], outcome[k, FINAL_COST], outcome[k, LEFT] = 0.0, np.inf, 0.0
         if start(arm, targets[k], offset, work, q[k]):
             confirm(chain, settings, targets[k], kinematics, q[k], outcome[k])
         if outcome[k, SUCCESS] == 0.0:

@@ -1,8 +1,9 @@
 """Damped Gauss-Newton descents of pose costs inside a box, eight at a time: the compiled form of
 `maira_qp.solvers.descent`.
 
-From the same start and settings each lane takes the same steps; the algorithm and its source stand there. All lanes go
-on together, one iteration a call of `advance`; a lane that has ended is given a new start by whoever drives them.
+From the same start and settings each lane takes the same steps; the algorithm and its source stand there. `LONGEST`
+bounds what a step moves any joint; where that is small, a descent follows the valley that it begins in. All lanes go on
+together, one iteration a call of `advance`; a lane that has ended is given a new start by whoever drives them.
 """
 
 from __future__ import annotations
@@ -22,12 +23,14 @@ POSITION_WEIGHT, ORIENTATION_WEIGHT = 0, 1
 POSITION_TOLERANCE, ORIENTATION_TOLERANCE = 2, 3
 MAX_ITERATIONS, DAMPING, STALL_STEPS, STALL_RATIO = 4, 5, 6, 7
 ACCEPTED, REFUSED, LEAST_FACTOR, MOST_FACTOR, LEAST_DAMPING = 8, 9, 10, 11, 12
-SETTINGS = 13
+LONGEST, NEAR, NEAR_BY_ERROR = 13, 14, 15
+SETTINGS = 16
 
-# the rows of `state`, a number a lane; of the last three 1.0 says yes and 0.0 no
+# the rows of `state`, a number a lane; of three of them 1.0 says yes and 0.0 no; the last is the cost of the start
 COST, FACTOR, STALL_LEFT, ITERATIONS, LARGEST, POSITION, ORIENTATION = 0, 1, 2, 3, 4, 5, 6
 STARTING, ENDED, REACHED = 7, 8, 9
-STATE = 10
+FIRST_COST = 10
+STATE = 11
 
 Lanes = namedtuple("Lanes", "state target goal tool e q trial c diagonal lower upper side dq axes origins J H A")
 """All arrays of eight descents, the lane their last axis: the state of each, its q (n,) and target (12,), and
@@ -149,8 +152,8 @@ def advance(chain, settings, lanes):
     damping = damping + most(factor, 1.0) * settings[LEAST_DAMPING] * load(state, LARGEST)
     for i in range(n):
         store2(H, i, i, load(lanes.diagonal, i) + damping)
-        store(lanes.lower, i, chain[i, LOWER] - load(q, i))
-        store(lanes.upper, i, chain[i, UPPER] - load(q, i))
+        store(lanes.lower, i, most(chain[i, LOWER] - load(q, i), -settings[LONGEST]))
+        store(lanes.upper, i, least(chain[i, UPPER] - load(q, i), settings[LONGEST]))
     solved = starting
     if any_lane(~starting):
         solved = solve_box_qps(H, lanes.c, lanes.lower, lanes.upper, lanes.A, lanes.side, lanes.dq)
@@ -184,6 +187,7 @@ def advance(chain, settings, lanes):
         (stall_left <= 0.0) | (iterations >= settings[MAX_ITERATIONS]) | ((factor > settings[MOST_FACTOR]) & ~better)
     )
     ended = ended | reached | (solved & ~moved) | (starting & ~better)
+    store(state, FIRST_COST, select(starting, value, load(state, FIRST_COST)))
     store(state, COST, select(better, value, cost))
     store(state, FACTOR, factor)
     store(state, STALL_LEFT, stall_left)

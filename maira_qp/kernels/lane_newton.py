@@ -19,6 +19,7 @@ from maira_qp.kernels.descent import (
     DAMPING,
     LEAST_DAMPING,
     LEAST_FACTOR,
+    LONGEST,
     ORIENTATION_WEIGHT,
     POSITION_WEIGHT,
     REFUSED,
@@ -121,8 +122,8 @@ def _solve(chain, settings, lanes):
     damping = damping + most(factor, 1.0) * settings[LEAST_DAMPING] * load(state, LARGEST)
     for i in range(len(q)):
         store2(H, i, i, load(lanes.diagonal, i) + damping)
-        store(lanes.lower, i, chain[i, LOWER] - load(q, i))
-        store(lanes.upper, i, chain[i, UPPER] - load(q, i))
+        store(lanes.lower, i, most(chain[i, LOWER] - load(q, i), -settings[LONGEST]))
+        store(lanes.upper, i, least(chain[i, UPPER] - load(q, i), settings[LONGEST]))
     if any_lane(load(state, STARTING) == 0.0):
         return solve_box_qps(H, lanes.c, lanes.lower, lanes.upper, lanes.A, lanes.side, lanes.dq)
     return load(state, STARTING) == 0.0

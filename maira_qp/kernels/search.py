@@ -17,7 +17,10 @@ from maira_qp.kernels.compilation import bare_kernel
 from maira_qp.kernels.descent import (
     COST,
     ENDED,
+    FIRST_COST,
     ITERATIONS,
+    NEAR,
+    NEAR_BY_ERROR,
     ORIENTATION,
     ORIENTATION_WEIGHT,
     POSITION,
@@ -32,6 +35,7 @@ from maira_qp.kernels.lanes import LANES, any_lane, load
 from maira_qp.kernels.random_numbers import state_of, stream_of
 from maira_qp.kernels.rigid import FINE, pose_row
 from maira_qp.kernels.starts import CORNER, find_nearest, has_long_slides, place_slides, random_start
+from maira_qp.kernels.whole_turns import nearest_turn
 
 NOBODY = -1
 
@@ -40,7 +44,8 @@ FARTHEST_START, FAR_START = 1e5, -1
 
 # the entries of an outcome
 SUCCESS, ATTEMPT, SPENT, FINAL_COST, POSITION_ERROR, ORIENTATION_ERROR, MOVED = 0, 1, 2, 3, 4, 5, 6
-OUTCOME = 7
+WANDERED, LEFT = 7, 8
+OUTCOME = 9
 
 PROVED = -1.0
 """In place of SUCCESS, written by whoever proves it: the target cannot be reached."""
@@ -56,7 +61,7 @@ SERVES, MAKES = 0, 1
 
 def memory_sizes(n, attempts):
     """How many numbers `search` needs as `floats` and as `integers`, for a chain of n joints."""
-    return lanes_memory(n) + n + LANES * (3 + n), LANES * (2 + SLOT + LANES + attempts)
+    return lanes_memory(n) + n + LANES * (4 + n), LANES * (2 + SLOT + LANES + attempts)
 
 
 @bare_kernel
@@ -81,16 +86,18 @@ def search(
 
     Attempt 0 begins at `starts` (N, n), which may have no rows; the next `LANES` at configurations of the `library`
     (K, n), the nearest one first, or, if `shuffled`, any of them; the others at the best of so many random
-    `candidates`. What is random comes from `streams` (N,). `outcome` (N, 7) becomes [reached, last attempt that counts,
-    iterations, cost, position error, orientation error, the start was outside the limits and was moved onto them].
-    `floats` and `integers` are memory to work in, see `memory_sizes`.
+    `candidates`. What is random comes from `streams` (N,). With starts each joint of q is turned to the whole turn
+    nearest to its start. `outcome` (N, 9) becomes [reached, last attempt that counts, iterations, cost, position error,
+    orientation error, the start was outside the limits and was moved onto them, attempt 0 counts and went further than
+    `settings` expect, 0]. `floats` and `integers` are memory to work in, see `memory_sizes`.
+    Returns how many targets were not reached, or went so far.
     A target with NaN costs only itself: it is left at q = 0, or as near as the limits allow, with errors of NaN.
     """
     n, attempts = len(chain) - 1, last - first + 1
     lanes, floats = make_lanes(n, floats), floats[lanes_memory(n) :]
     q0 = floats[:n]
-    # of each slot: cost, squared errors and q; its starts in the library; the iterations of every attempt
-    found = floats[n : n + (3 + n) * LANES].reshape(LANES, 3 + n)
+    # of each slot: cost, squared errors, cost of the start and q; its starts in the library; every attempt's iterations
+    found = floats[n : n + (4 + n) * LANES].reshape(LANES, 4 + n)
     nearest = integers[: LANES * LANES].reshape(LANES, LANES)
     spent = integers[LANES * LANES : LANES * (LANES + attempts)].reshape(LANES, attempts)
     integers = integers[LANES * (LANES + attempts) :]
@@ -98,11 +105,11 @@ def search(
     lane_of = integers[SLOT * LANES : (SLOT + 2) * LANES].reshape(LANES, 2)
     for lane in range(LANES):
         lane_of[lane, SERVES], slots[lane, TARGET] = NOBODY, NOBODY
-    opened = 0
+    opened, open_ends = 0, 0
     while True:
         if any_lane(load(lanes.state, ENDED) > 0.0):
             _collect(lanes.state, lanes.q, lane_of, slots, found, spent, first, last)
-            _close(chain, settings, starts, slots, found, spent, first, last, q, outcome)
+            open_ends += _close(chain, settings, starts, slots, found, spent, first, last, q, outcome)
             busy = False
             for lane in range(LANES):
                 if lane_of[lane, SERVES] == NOBODY:
@@ -110,9 +117,11 @@ def search(
                     while opened < len(targets) and (slot == NOBODY or slots[slot, RUNNING] > 0):
                         if _is_finite(targets, opened):
                             slot = _open(slots, found, opened, first, last)
-                            find_nearest(settings, features, targets[opened], lanes.e, nearest[slot])
+                            if last >= len(starts[:1]):
+                                find_nearest(settings, features, targets[opened], lanes.e, nearest[slot])
                         else:
                             _refuse(chain, opened, q, outcome)
+                            open_ends += 1
                         opened += 1
                     if slot != NOBODY:
                         k, attempt = slots[slot, TARGET], slots[slot, FOLLOWING]
@@ -136,7 +145,7 @@ def search(
                         slots[slot, RUNNING] += 1
                 busy = busy or lane_of[lane, SERVES] != NOBODY
             if not busy:
-                break
+                return open_ends
         advance(chain, settings, lanes)
 
 
@@ -166,8 +175,9 @@ def _collect(state, lane_q, lane_of, slots, found, spent, first, last):
         if better:
             slots[slot, BEST] = attempt
             found[slot, 0], found[slot, 1], found[slot, 2] = cost, state[POSITION, lane], state[ORIENTATION, lane]
+            found[slot, 3] = state[FIRST_COST, lane]
             for i in range(len(lane_q)):
-                found[slot, 3 + i] = lane_q[i, lane]
+                found[slot, 4 + i] = lane_q[i, lane]
     for lane in range(LANES):
         slot = lane_of[lane, SERVES]
         if slot != NOBODY and lane_of[lane, MAKES] > slots[slot, WINNER]:
@@ -178,7 +188,8 @@ def _collect(state, lane_q, lane_of, slots, found, spent, first, last):
 
 @bare_kernel
 def _close(chain, settings, starts, slots, found, spent, first, last, q, outcome):
-    """Write down what became of the targets that are done, and free their slots."""
+    """Write down what became of the targets that are done, and free their slots: how many are not settled by that."""
+    open_ends = 0
     for slot in range(LANES):
         k, winner = slots[slot, TARGET], slots[slot, WINNER]
         if k == NOBODY or slots[slot, RUNNING] > 0 or (winner > last and slots[slot, FOLLOWING] <= last):
@@ -188,12 +199,30 @@ def _close(chain, settings, starts, slots, found, spent, first, last, q, outcome
         for attempt in range(min(winner, last) - first + 1):
             iterations += spent[slot, attempt]
         for i in range(q.shape[1]):
-            q[k, i] = found[slot, 3 + i]
+            q[k, i] = found[slot, 4 + i]
         outcome[k, SUCCESS], outcome[k, ATTEMPT], outcome[k, SPENT] = winner <= last, min(winner, last), iterations
         outcome[k, FINAL_COST] = found[slot, 0]
         outcome[k, MOVED] = len(starts) > 0 and _is_outside(chain, starts, k)
         outcome[k, POSITION_ERROR] = np.sqrt(found[slot, 1]) if settings[POSITION_WEIGHT] > 0.0 else 0.0
         outcome[k, ORIENTATION_ERROR] = np.sqrt(found[slot, 2]) if settings[ORIENTATION_WEIGHT] > 0.0 else 0.0
+        outcome[k, WANDERED], outcome[k, LEFT] = 0.0, 0.0
+        if len(starts) > 0:
+            farthest = _turn_to_start(chain, starts, k, q)
+            expected = settings[NEAR_BY_ERROR] * np.sqrt(np.sqrt(2.0 * found[slot, 3])) if winner <= last else 0.0
+            outcome[k, WANDERED] = slots[slot, BEST] == 0 and farthest > max(settings[NEAR], expected)
+        open_ends += winner > last or outcome[k, WANDERED] > 0.0
+    return open_ends
+
+
+@bare_kernel
+def _turn_to_start(chain, starts, k, q):
+    """Turn each joint of q[k] to the turn nearest to starts[k], moved inside: how far the farthest is from there."""
+    farthest = 0.0
+    for i in range(q.shape[1]):
+        start = min(max(starts[k, i], chain[i, LOWER]), chain[i, UPPER])
+        q[k, i] = nearest_turn(chain, i, q[k, i], start)
+        farthest = max(farthest, abs(q[k, i] - start))
+    return farthest
 
 
 @bare_kernel
@@ -235,7 +264,7 @@ def _refuse(chain, k, q, outcome):
         q[k, i] = min(max(0.0, chain[i, LOWER]), chain[i, UPPER])
     outcome[k, SUCCESS], outcome[k, ATTEMPT], outcome[k, SPENT] = 0.0, 0.0, 0.0
     outcome[k, FINAL_COST], outcome[k, POSITION_ERROR], outcome[k, ORIENTATION_ERROR] = np.nan, np.nan, np.nan
-    outcome[k, MOVED] = 0.0
+    outcome[k, MOVED], outcome[k, WANDERED], outcome[k, LEFT] = 0.0, 0.0, 0.0
 
 
 @bare_kernel

@@ -13,7 +13,16 @@ import math
 from maira_qp.kernels.box_qp import solve_box_qp
 from maira_qp.kernels.chain import LOWER, UPPER, jacobian
 from maira_qp.kernels.compilation import bare_kernel
-from maira_qp.kernels.descent import ACCEPTED, DAMPING, LEAST_DAMPING, LEAST_FACTOR, MOST_FACTOR, REFUSED, pose_cost
+from maira_qp.kernels.descent import (
+    ACCEPTED,
+    DAMPING,
+    LEAST_DAMPING,
+    LEAST_FACTOR,
+    LONGEST,
+    MOST_FACTOR,
+    REFUSED,
+    pose_cost,
+)
 from maira_qp.kernels.objective import objective_cost
 from maira_qp.kernels.pose_hessian import newton_model
 from maira_qp.kernels.positive_part import make_positive
@@ -81,6 +90,7 @@ def _model(chain, settings, reference, weights, weight, cost, work, q):
         known = abs(c[i]) < math.inf  # NaN is not
         slope = min(max(-GRADIENT_SCALE * c[i], lower[i]), upper[i]) / GRADIENT_SCALE if known else math.inf
         left = max(left, abs(slope))
+        lower[i], upper[i] = max(lower[i], -settings[LONGEST]), min(upper[i], settings[LONGEST])
     make_positive(H, n, work.A, work.V)
     for i in range(n):
         diagonal[i] = H[i, i]

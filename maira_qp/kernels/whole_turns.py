@@ -12,16 +12,25 @@ TURN = 2.0 * np.pi
 
 
 @bare_kernel
-def unwind(chain, reference, reached, q):
-    """Turn joints of q (N, n) by whole turns, in place, as near to the reference (n,) as the limits let them.
+def unwind(chain, references, reached, q):
+    """Turn joints of q (N, n) by whole turns, in place, as near to the references (N, n) as the limits let them.
 
-    Rows that have not `reached` (N,) anything, which is not above 0 there, are left as they are.
+    One reference (1, n) stands for all. Rows that have not `reached` (N,) anything, which is not above 0 there, are
+    left as they are.
     """
     for k in range(len(q)):
         if reached[k] > 0.0:
+            row = k if len(references) > 1 else 0
             for i in range(q.shape[1]):
-                low, high = chain[i, LOWER], chain[i, UPPER]
-                if chain[i, PRISMATIC] == 0.0 and high - low >= TURN:
-                    turns = np.floor((reference[i] - q[k, i]) / TURN + 0.5)
-                    turns = min(max(turns, np.ceil((low - q[k, i]) / TURN)), np.floor((high - q[k, i]) / TURN))
-                    q[k, i] = min(max(q[k, i] + TURN * turns, low), high)
+                q[k, i] = nearest_turn(chain, i, q[k, i], references[row, i])
+
+
+@bare_kernel
+def nearest_turn(chain, i, angle, reference):
+    """The value of joint i that is whole turns from `angle`, within the limits, and nearest to the reference."""
+    low, high = chain[i, LOWER], chain[i, UPPER]
+    if chain[i, PRISMATIC] != 0.0 or not high - low >= TURN:
+        return angle
+    turns = np.floor((reference - angle) / TURN + 0.5)
+    turns = min(max(turns, np.ceil((low - angle) / TURN)), np.floor((high - angle) / TURN))
+    return min(max(angle + TURN * turns, low), high)

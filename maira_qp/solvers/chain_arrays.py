@@ -25,7 +25,7 @@ from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.robots.robot import Robot
 from maira_qp.robots.serial_chain import chain_of
 from maira_qp.robots.whole_turns import WholeTurns
-from maira_qp.solvers import descent, settling
+from maira_qp.solvers import descent, neighbourhood, settling
 from maira_qp.solvers.library import library_features, starting_library
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.priorities import Priorities
@@ -53,7 +53,7 @@ class ChainArrays:
     chain: np.ndarray
     """(n + 1, 17)"""
     settings: np.ndarray
-    """(13,)"""
+    """(16,) see `maira_qp.kernels.descent`"""
     library: np.ndarray
     """(K, n)"""
     features: np.ndarray
@@ -98,6 +98,9 @@ class ChainArrays:
                 descent.REFUSED,
                 *descent.FACTOR_RANGE,
                 descent.LEAST_DAMPING,
+                np.inf,
+                neighbourhood.NEAR,
+                neighbourhood.NEAR_BY_ERROR,
             ]
         )
         constants = np.array(

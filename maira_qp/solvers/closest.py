@@ -1,4 +1,7 @@
-"""What `prefer="closest"` asks for: among all solutions the one nearest to q0, in a metric of the joints."""
+"""What `prefer="closest"` asks for: among all solutions the one nearest to q0, in a metric of the joints.
+
+For one call the distance from q0 takes the place of the solver's redundancy, as its only objective.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +15,12 @@ from maira_qp.problem.objectives import Posture
 from maira_qp.robots.robot import Robot
 
 
-def check_preference(prefer: object, q0: object, redundancy: object, observe: object = None) -> None:
+def check_preference(prefer: object, q0: object, observe: object = None) -> None:
     """Raises `OptionError` for a preference that is none, and for what it does not go with."""
     if not isinstance(prefer, str) or prefer != "closest":
         raise OptionError(f"prefer must be 'closest', or None and without a metric, got {shown(prefer)}")
     if q0 is None:
         raise OptionError("prefer='closest' needs q0: closest to what?")
-    if redundancy is not None:
-        raise OptionError(
-            f"prefer='closest' and {shown(redundancy)} are two wishes; leave out prefer, or the solver's redundancy"
-        )
     if observe is not None:
         raise OptionError("prefer='closest' cannot be observed; leave out prefer, or observe")
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from functools import cached_property
 from threading import Event
 from typing import NamedTuple
 
@@ -35,13 +36,14 @@ from maira_qp.kernels.whole_turns import unwind
 from maira_qp.orientation import ORTHONORMAL_WITHIN
 from maira_qp.solvers.chain_arrays import KIND, WEIGHT, WEIGHTED, ChainArrays
 from maira_qp.solvers.descent import Budget
+from maira_qp.solvers.near_start import NearStart
 from maira_qp.solvers.search import HEAD, Search, found_by_kernel
-from maira_qp.solvers.shares import NEVER, Progress, in_shares
+from maira_qp.solvers.shares import NEVER, Progress, in_shares, parts
 from maira_qp.solvers.targets import SEED_0, streams
 
-SHARE, ATTEMPTS = 1024, 30_000
-"""Targets of a batch that a thread takes up at a stretch, and the most attempts at those that resist. Long enough that
-threads seldom meet in Python, short enough that Ctrl-C is heard."""
+SHARE = 1024
+"""Targets of a batch that a thread takes up at a stretch. Long enough that threads seldom meet in Python, short enough
+that Ctrl-C is heard."""
 
 
 ELSEWHERE, WORTH = 6, 1.02
@@ -66,6 +68,11 @@ class Asked(NamedTuple):
         starts = self.starts[which] if len(self.starts) else self.starts
         return Asked(self.rows[which], starts, self.streams[which], self.shuffled)
 
+    @property
+    def anywhere(self) -> Asked:
+        """The same targets without starts."""
+        return self._replace(starts=self.starts[:0])
+
 
 class Compiled(ChainArrays):
     """The search and the settling of one problem in compiled code."""
@@ -75,7 +82,7 @@ class Compiled(ChainArrays):
     def solve(
         self, T: np.ndarray, q0: np.ndarray | None, seed: np.ndarray
     ) -> tuple[int, np.ndarray, list[float], list[float]]:
-        """What is wrong, see `kernels.search.admit`; q (n,), outcome (7,) for a target T (4, 4) from q0 (n,).
+        """What is wrong, see `kernels.search.admit`; q (n,), outcome (9,) for a target T (4, 4) from q0 (n,).
 
         Where more was to be done than to reach the pose, there is a second outcome (6,), see `_finish`.
         """
@@ -84,7 +91,7 @@ class Compiled(ChainArrays):
         fault = admit(T, ORTHONORMAL_WITHIN, starts, seed, row, stream)
         if fault == FINE:
             asked = Asked(row, starts, stream, seed is not SEED_0 and bool(seed.any()))
-            self._find(asked, q, outcome)
+            self.find(asked, q, outcome)
             if self.settles or not outcome[0, SUCCESS] > 0.0:
                 after = self._finish(asked, q, outcome).ravel().tolist()
         return fault, q[0], outcome[0].tolist(), after
@@ -93,23 +100,34 @@ class Compiled(ChainArrays):
         """Starts (N, n) of a search: q0 (n,) or (N, n), or none of them."""
         return np.empty((0, self.robot.n)) if q0 is None else q0.reshape(-1, self.robot.n)
 
-    def _find(self, asked: Asked, q: np.ndarray, outcome: np.ndarray, halted: Event = NEVER) -> None:
+    def find(self, asked: Asked, q: np.ndarray, outcome: np.ndarray, halted: Event = NEVER) -> None:
         """Search for q (N, n) that reach the targets, and see whether those that resist are out of reach.
 
-        Without starts a joint that has a turn or more ends at the one that is nearest to the posture wished for.
+        With starts see `near_start`. Without, a joint that has a turn or more ends at the one that is nearest to the
+        posture wished for.
         """
-        if self.proofs.srs is not None and not len(asked.starts):
+        if len(asked.starts):
+            if self.attempts(asked, 0, 0, q, outcome) > 0:
+                self._near_start.search_on(asked, q, outcome, halted)
+            return
+        if self.proofs.srs is not None:
             self._find_in_closed_form(asked, q, outcome, halted)
         else:
             self._find_by_descents(asked, q, outcome, halted)
-        if self.turns is not None and not len(asked.starts):
-            unwind(self.chain, self.turns.aim, outcome[:, SUCCESS], q)
+        if self.turns is not None:
+            unwind(self.chain, self.turns.aim[None], outcome[:, SUCCESS], q)
+
+    @cached_property
+    def _near_start(self) -> NearStart:
+        return NearStart.of(self)
 
     def _find_in_closed_form(self, asked: Asked, q: np.ndarray, outcome: np.ndarray, halted: Event) -> None:
         """The same for an S-R-S arm, without starts: descents are left what is singular, and no nearest point found."""
         some: slice | np.ndarray = slice(None)
         if self.settles:
-            self._reach_near_posture(asked.rows, q, outcome)
+            assert self.redundancy is not None
+            posture, weights = self.redundancy[2:].reshape(2, -1)
+            self.reach_near_posture(asked.rows, posture, weights, q, outcome)
             if outcome[:, SUCCESS].all():
                 return
             some = np.flatnonzero(outcome[:, SUCCESS] == 0.0)
@@ -122,18 +140,18 @@ class Compiled(ChainArrays):
         self._approach_in_closed_form(asked, proved, q, outcome)
         beyond = proved[~np.isfinite(outcome[proved, FINAL_COST])]
         for open_ones, last in ((beyond, min(HEAD, self.last_attempt)), (left, self.last_attempt)):
-            for part in _parts(open_ones, last + 1, halted):
+            for part in parts(open_ones, last + 1, halted):
                 q[part], outcome[part] = self._attempt(asked, 0, last, part)
         outcome[proved, SUCCESS] = PROVED
 
     def _find_by_descents(self, asked: Asked, q: np.ndarray, outcome: np.ndarray, halted: Event) -> None:
         """The same for any chain: some descents at each target, then proofs, then the others at what resists."""
         last, head = self.last_attempt, min(HEAD, self.last_attempt)
-        self._search(asked, 0, head, q, outcome)
+        self.attempts(asked, 0, head, q, outcome)
         if outcome[:, SUCCESS].all():
             return
         left = np.flatnonzero((outcome[:, SUCCESS] == 0.0) & np.isfinite(outcome[:, FINAL_COST]))
-        for part in _parts(left, last + 1, halted):
+        for part in parts(left, last + 1, halted):
             proved = self.proofs.unreachable(asked.rows[part])
             outcome[part[proved], SUCCESS] = PROVED
             resisting = part[~proved]
@@ -148,13 +166,14 @@ class Compiled(ChainArrays):
     def _attempt(self, asked: Asked, first: int, last: int, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """q (k, n) and outcomes (k, 7) of the attempts first, ..., last at k of the targets."""
         q, outcome = np.empty((len(some), self.robot.n)), np.empty((len(some), OUTCOME))
-        self._search(asked.some(some), first, last, q, outcome)
+        self.attempts(asked.some(some), first, last, q, outcome)
         return q, outcome
 
-    def _reach_near_posture(self, rows: np.ndarray, q: np.ndarray, outcome: np.ndarray) -> None:
-        """Put q (N, 7) that reach the targets near the best of the redundancy's objective; some are left open."""
-        assert self.redundancy is not None
-        problem = self.chain, self.settings, self.proofs.srs, rows, *self.redundancy[2:].reshape(2, -1)
+    def reach_near_posture(
+        self, rows: np.ndarray, posture: np.ndarray, weights: np.ndarray, q: np.ndarray, outcome: np.ndarray
+    ) -> None:
+        """Put q (N, 7) of an S-R-S arm that reach the targets near a posture (7,), weighted; some are left open."""
+        problem = self.chain, self.settings, self.proofs.srs, rows, posture, weights
         memory = np.empty(FLOATS), np.empty(INTEGERS, np.int64), np.empty((ROWS, LANES)), np.empty((20, 3))
         reach_near_posture(*problem, *memory, q, outcome)
 
@@ -194,7 +213,7 @@ class Compiled(ChainArrays):
                 return
             begun, end = found[0, ATTEMPT], np.full((1, SETTLED), np.nan)
             if self.turns is not None:
-                unwind(self.chain, self.turns.aim, found[:, SUCCESS], there)
+                unwind(self.chain, self.turns.aim[None], found[:, SUCCESS], there)
             self._settle(asked.rows[some], there, end)
             if self._is_settled(end)[0] and end[0, OBJECTIVE] <= WORTH * after[k, OBJECTIVE]:
                 found[0, SPENT] += outcome[k, SPENT]
@@ -210,7 +229,7 @@ class Compiled(ChainArrays):
 
         The second outcomes (N, 6), see `kernels.settling.settle`; NaN where there was nothing to do.
         """
-        n, own, constants, after = self.robot.n, self.redundancy, self.settling, np.full((len(q), SETTLED), np.nan)
+        after = np.full((len(q), SETTLED), np.nan)
         if self.settles:
             self._settle(asked.rows, q, after)
             if not len(asked.starts):
@@ -220,20 +239,24 @@ class Compiled(ChainArrays):
             return after
         short = np.flatnonzero(~(outcome[:, SUCCESS] > 0.0) & np.isfinite(outcome[:, FINAL_COST]))
         if len(short):
-            reference, weights = np.full(n, np.nan), np.zeros(n)
-            if own is not None and self.settles:
-                reference, weights = own[2 : 2 + n], own[2 + n :]
-            near, end = q[short], np.empty((len(short), SETTLED))
-            tolerance, most = constants[STATIONARITY_TOLERANCE], int(constants[MAX_SETTLING])
-            nearest_points(self.chain, self.settings, asked.rows[short], reference, weights, tolerance, most, near, end)
-            q[short], after[short] = near, end
+            q[short], after[short] = self.nearest(asked.rows[short], q[short])
         return after
+
+    def nearest(self, rows: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The stationary points of the pose error that q (N, n) lead to, and second outcomes (N, 6)."""
+        reference, weights = np.full(self.robot.n, np.nan), np.zeros(self.robot.n)
+        if self.redundancy is not None and self.settles:
+            reference, weights = self.redundancy[2:].reshape(2, -1)
+        q, after = q.copy(), np.empty((len(q), SETTLED))
+        tolerance, most = self.settling[STATIONARITY_TOLERANCE], int(self.settling[MAX_SETTLING])
+        nearest_points(self.chain, self.settings, rows, reference, weights, tolerance, most, q, after)
+        return q, after
 
     def descend(self, row: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where single descents from starts (N, n) toward a target (12,) end: q (N, n), outcomes (N, 7)."""
         q, outcome = np.empty(starts.shape), np.empty((len(starts), OUTCOME))
         asked = Asked(np.tile(row, (len(starts), 1)), starts, np.zeros(len(starts), np.uint64), False)
-        self._search(asked, 0, 0, q, outcome)
+        self.attempts(asked, 0, 0, q, outcome)
         return q, outcome
 
     def placed(self, row: np.ndarray, starts: np.ndarray) -> np.ndarray:
@@ -253,23 +276,35 @@ class Compiled(ChainArrays):
         self, row: np.ndarray, q0: np.ndarray | None, stream: np.ndarray, shuffled: bool, budget: Budget
     ) -> Search:
         """The compiled form of `search.search` for a target (12,). With a deadline it looks up now and then."""
-        asked, first, best = Asked(row.reshape(1, 12), self._starts(q0), stream, shuffled), 0, None
-        while True:
-            q, outcome = np.empty((1, self.robot.n)), np.empty((1, OUTCOME))
-            last = min(first + LANES - 1, self.last_attempt) if budget.has_deadline else self.last_attempt
-            if budget.has_deadline:
-                self._search(asked, first, last, q, outcome)
-            else:
-                self._find(asked, q, outcome)
-            budget.iterations += int(outcome[0, SPENT])
-            found = found_by_kernel(self.robot, q[0], outcome[0])
-            if best is None or found.best.reached or found.best.cost < best.cost:
-                best = found.best
-            asks = budget.has_deadline and not (best.reached or first or budget.late())
-            proved = found.proved or (asks and bool(self.proofs.unreachable(asked.rows)[0]))
-            if best.reached or proved or last == self.last_attempt or budget.late():
-                return Search(best, found.restarts, proved)
-            first = last + 1
+        asked = Asked(row.reshape(1, 12), self._starts(q0), stream, shuffled)
+        q, outcome = np.empty((1, self.robot.n)), np.empty((1, OUTCOME))
+        if not budget.has_deadline:
+            self.find(asked, q, outcome)
+        elif not len(asked.starts):
+            self.find_in_time(asked, q, outcome, budget)
+        elif self.attempts(asked, 0, 0, q, outcome) > 0:
+            self._near_start.search_in_time(asked, q, outcome, budget)
+        budget.iterations += int(outcome[0, SPENT])
+        return found_by_kernel(self.robot, q[0], outcome[0])
+
+    def find_in_time(self, asked: Asked, q: np.ndarray, outcome: np.ndarray, budget: Budget) -> None:
+        """`find` for one target without a start, for which there may be too little time."""
+        spent, proved = 0.0, False
+        for first in range(0, self.last_attempt + 1, LANES):
+            found_q, found = self._attempt(asked, first, min(first + LANES - 1, self.last_attempt), np.arange(1))
+            spent += found[0, SPENT]
+            if first == 0 or found[0, SUCCESS] > 0.0 or found[0, FINAL_COST] < outcome[0, FINAL_COST]:
+                q[:], outcome[:] = found_q, found
+            outcome[0, ATTEMPT] = found[0, ATTEMPT]
+            proved = first == 0 and not (found[0, SUCCESS] > 0.0 or budget.late()) and self._is_proved(asked)
+            if found[0, SUCCESS] > 0.0 or proved or budget.late():
+                break
+        outcome[0, SPENT] = spent
+        if proved:
+            outcome[0, SUCCESS] = PROVED
+
+    def _is_proved(self, asked: Asked) -> bool:
+        return bool(self.proofs.unreachable(asked.rows)[0])
 
     def solve_batch(
         self,
@@ -291,16 +326,16 @@ class Compiled(ChainArrays):
         def work(part: slice, halted: Event) -> None:
             begin, outcome = None if starts is None else starts[part], np.empty((len(rows[part]), OUTCOME))
             asked = Asked(rows[part], self._starts(begin), streams(rows[part], seed), shuffled)
-            self._find(asked, q[part], outcome, halted)
+            self.find(asked, q[part], outcome, halted)
             if not halted.is_set():
                 put(part, outcome, self._finish(asked, q[part], outcome))
 
         in_shares(work, len(rows), SHARE, threads, progress)
 
-    def _search(self, asked: Asked, first: int, last: int, q: np.ndarray, outcome: np.ndarray) -> None:
-        """The attempts first, ..., last at the targets, see `kernels.search`."""
+    def attempts(self, asked: Asked, first: int, last: int, q: np.ndarray, outcome: np.ndarray) -> int:
+        """The attempts first, ..., last at the targets, and how many are left open by them: see `kernels.search`."""
         floats, integers = memory_sizes(self.robot.n, last - first + 1)
-        search(
+        return search(
             self.chain,
             self.settings,
             self.library,
@@ -317,12 +352,3 @@ class Compiled(ChainArrays):
             q,
             outcome,
         )
-
-
-def _parts(some: np.ndarray, attempts: int, halted: Event) -> Iterator[np.ndarray]:
-    """Some of the targets in parts of so many that their attempts, so many each, take no more than a moment."""
-    most = max(1, ATTEMPTS // attempts)
-    for first in range(0, len(some), most):
-        if halted.is_set():
-            return
-        yield some[first : first + most]

@@ -105,10 +105,12 @@ def descend(
     reached: Callable[[Configuration], bool],
     max_iterations: int,
     stall: Stall | None = None,
+    longest: float = np.inf,
 ) -> Descent:
     """Lower the cost from a start until `reached`, or stalled, or out of iterations or time, or at a fixed point.
 
-    No step breaks a limit, or breaks one further; to come back within limits is `Setting.admitted`'s.
+    No step breaks a limit, or breaks one further; to come back within limits is `Setting.admitted`'s. No step moves a
+    joint by more than `longest` [rad or m].
     """
     at, factor = start, 1.0
     level = cost.level(at)
@@ -119,7 +121,7 @@ def descend(
         if budget.late():
             break
         budget.iterations += 1
-        trial = _trial(cost, level, factor, at, setting)
+        trial = _trial(cost, level, factor, at, setting, longest)
         value = np.inf if trial is None else cost.value(trial)
         if trial is not None and value - level.cost < _recovered(level, trial, at, setting):
             before, at = level.cost, trial
@@ -148,11 +150,14 @@ def _recovered(level: Level, trial: Configuration, at: Configuration, setting: S
     return 2.0 * float(np.linalg.norm(level.c)) * taken
 
 
-def _trial(cost: Cost, level: Level, factor: float, at: Configuration, setting: Setting) -> Configuration | None:
+def _trial(
+    cost: Cost, level: Level, factor: float, at: Configuration, setting: Setting, longest: float
+) -> Configuration | None:
     """The configuration after one QP step, inside the limits; None if there is none."""
     least = LEAST_DAMPING * float(np.abs(level.H).max())
     mu = factor * setting.options.damping * level.squared_error + max(1.0, factor) * least
-    model, bounds = level.damped(mu), setting.bounds(at)
+    model = level.damped(mu)
+    bounds = setting.bounds(at) if longest == np.inf else setting.bounds(at).within(longest)
     dq = solve_hierarchy([model], bounds, setting.backend)
     if dq is None:
         return None

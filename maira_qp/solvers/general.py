@@ -19,8 +19,9 @@ from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.robots.configuration import Configuration
 from maira_qp.solvers.descent import Budget, Descent
 from maira_qp.solvers.limbs import search_limbs
+from maira_qp.solvers.neighbourhood import turned
 from maira_qp.solvers.priorities import Priorities, Targets
-from maira_qp.solvers.search import Reached, Search, found_by_kernel, nearest, search, stationarity
+from maira_qp.solvers.search import Reached, Search, better_of, follow, found_by_kernel, nearest, stationarity
 from maira_qp.solvers.setting import Setting
 from maira_qp.solvers.settling import settle
 from maira_qp.solvers.solution import Solution, Status
@@ -64,7 +65,10 @@ class General:
         if len(self.priorities.all_tasks) > len(self.priorities.first):
             everything = tasks_toward(self.priorities.all_tasks, targets)
             together = search_limbs(everything, start, self.setting, budget, rng, self.reached, TOGETHER)
-            found, sought = (together, everything) if together.best.reached else (None, cost)
+            if start is not None and together.left and together.best.reached:
+                found = self._met_nearby(cost, everything, wish, start, budget)
+            if found is None and together.best.reached:
+                found, sought = together, everything
         if found is None and self.compiled is not None and observe is None and self.compiled.takes(start):
             found = self.compiled.search(rows[0, 0], start, stream, bool(seed.any()), budget)
         elif found is None and self.screening is not None and observe is None:
@@ -75,8 +79,17 @@ class General:
         is_felt_below = sought is cost and bool(self.priorities.below)
         if start is None and (self.priorities.posture is not None or not is_felt_below):
             found = replace(found, best=self._unwound(found.best, sought))
-        moved = bool(start is not None and (start != q0).any())
-        return self._finish(found, cost, wish, reached, budget, moved, targets)
+        return self._finish(found, cost, wish, reached, budget, targets, q0, start)
+
+    def _met_nearby(
+        self, cost: TaskCost, everything: TaskCost, wish: Weighted | Strict | None, start: np.ndarray, budget: Budget
+    ) -> Search | None:
+        """From a start to the first level and from there to those below it, if that meets the tasks of all levels."""
+        near = follow(cost, self.setting.robot.at(start), self.setting, budget, self.reached(cost))
+        if not near.reached or wish is None:
+            return None
+        settled = settle(wish, cost, near.end.at, self.setting, budget, self.reached(cost))
+        return Search(near.end, 0) if self.reached(everything)(settled.at) else None
 
     def _screened(
         self,
@@ -91,14 +104,13 @@ class General:
         from maira_qp.solvers.screening import screen  # heavy: Numba comes with it
 
         assert self.screening is not None
-        first = None
+        near = None
         if start is not None:
-            first = search(cost, start, self.setting, budget, lambda: rng, reached, max_restarts=0)
-            if first.best.reached or budget.late():
-                return first
-        found = screen(self.screening, row, cost, self.setting, budget, rng, reached)
-        nearer = first is not None and not found.best.is_better_than(first.best)
-        return Search(first.best, found.restarts, found.proved) if first is not None and nearer else found
+            near = follow(cost, self.setting.robot.at(start), self.setting, budget, reached)
+            if near.reached or budget.late():
+                return Search(near.end, 0, left=near.left)
+        found = screen(self.screening, row, cost, self.setting, budget, rng, reached, start)
+        return found if near is None else better_of(near, found, cost, self.setting, budget, reached)
 
     def _unwound(self, best: Descent, sought: TaskCost) -> Descent:
         """The same with each joint at the whole turn nearest to the posture, or to the middle, if it reaches what was
@@ -110,12 +122,13 @@ class General:
         is_there = best.reached and self.reached(sought)(at) and not self.setting.broken(at)
         return Descent(at, sought.value(at), True) if is_there else best
 
-    def finish(self, q: np.ndarray, outcome: list[float], targets: Targets) -> Solution:
-        """From what the compiled search left in q (n,) and outcome (7,)."""
+    def finish(self, q: np.ndarray, outcome: list[float], targets: Targets, q0: np.ndarray | None = None) -> Solution:
+        """From what the compiled search from q0 left in q (n,) and outcome (9,)."""
         cost, wish = self.priorities.costs(targets)
         found = found_by_kernel(self.setting.robot, q, outcome)
         budget = Budget(None, iterations=int(outcome[2]))
-        return self._finish(found, cost, wish, self.reached(cost), budget, outcome[6] > 0.0, targets)
+        start = None if q0 is None else self.setting.robot.clip(q0)
+        return self._finish(found, cost, wish, self.reached(cost), budget, targets, q0, start)
 
     @cached_property
     def _proofs(self) -> Proofs | None:
@@ -145,10 +158,14 @@ class General:
         wish: Weighted | Strict | None,
         reached: Reached,
         budget: Budget,
-        start_projected: bool,
         targets: Targets,
+        q0: np.ndarray | None,
+        start: np.ndarray | None,
     ) -> Solution:
-        """From what the search found: the redundancy's optimum or the nearest point, and the verdict."""
+        """From what the search found: the redundancy's optimum or the nearest point, and the verdict.
+
+        `start` (n,) is q0 (n,) within the limits.
+        """
         setting, tolerance = self.setting, self.setting.options.stationarity_tolerance
         at, gradient = found.best.at, math.nan
         if found.best.broken:
@@ -159,6 +176,9 @@ class General:
         elif wish is not None:
             settled = settle(wish, cost, at, setting, budget, reached)
             at, gradient = settled.at, settled.projected_gradient
+        if start is not None:
+            wished = () if wish is None else wish.objectives
+            at = turned(at, start, setting, [cost.value, *(objective.cost for objective in wished)])
         fresh = self.setting.robot.at(self.setting.robot.clip(at.q))
         success = reached(fresh)
         position, orientation = residual(cost, fresh)
@@ -176,9 +196,11 @@ class General:
             cost=_objective_cost(wish, fresh),
             projected_gradient=gradient,
             optimal=optimal,
-            start_projected=start_projected,
+            start_projected=start is not None and bool((start != q0).any()),
             target_deviation=0.0,
+            left_q0=found.left,
             backend=self.setting.backend.name if self.compiled is None else "compiled",
+            _start=None if q0 is None else q0.copy(),
             _setting=self.setting,
             _asked=(self.priorities, targets),
         )

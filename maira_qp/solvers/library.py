@@ -9,6 +9,7 @@ from maira_qp.kernels.starts import FEATURES, SQUARE, fill_library
 from maira_qp.problem.objectives import Posture
 from maira_qp.robots.robot import Robot
 from maira_qp.robots.whole_turns import WholeTurns
+from maira_qp.solvers.spread import spread
 from maira_qp.solvers.targets import row_of
 
 LIBRARY, CORNERS = 512, 128
@@ -28,9 +29,9 @@ def starting_library(robot: Robot, lower: np.ndarray, upper: np.ndarray) -> np.n
     """Configurations (LIBRARY, n): corners of lower and upper (n,), the others spread evenly between them."""
     n = robot.n
     all_of_them = 2**n <= CORNERS
-    pick = np.arange(2**n)[:, None] >> np.arange(n) & 1 if all_of_them else _spread(CORNERS, n) > 0.5
+    pick = np.arange(2**n)[:, None] >> np.arange(n) & 1 if all_of_them else spread(CORNERS, n) > 0.5
     corners = np.where(pick, upper, lower)
-    share = _spread(LIBRARY - len(corners), n)
+    share = spread(LIBRARY - len(corners), n)
     return np.concatenate([corners, np.clip((1 - share) * lower + share * upper, lower, upper)])
 
 
@@ -63,15 +64,3 @@ def _across_slides(robot: Robot, slides: np.ndarray) -> np.ndarray:
         return np.zeros((3, 3))
     directions = robot.jacobian(robot.middle)[:3, slides]
     return np.eye(3) - directions @ np.linalg.pinv(directions)
-
-
-def _spread(count: int, n: int) -> np.ndarray:
-    """Points (count, n) that fill the unit cube evenly.
-
-    Point k is the fractional part of k a, a the powers of the root of x^(n + 1) = x + 1 (Roberts, "The unreasonable
-    effectiveness of quasirandom sequences", 2018).
-    """
-    root = 2.0
-    for _ in range(60):
-        root = (1 + root) ** (1 / (n + 1))
-    return (0.5 + np.outer(np.arange(count), root ** -np.arange(1.0, n + 1))) % 1

@@ -76,17 +76,18 @@ def search_limbs(
     if len(limbs) < 2:
         return search(cost, q0, setting, budget, rng, whole, max_restarts, is_hopeless)
     q = random_start(cost, setting, rng(), budget).q if q0 is None else q0
-    restarts = 0
+    restarts, left = 0, False
     for limb in limbs:
         part = replace(setting, start_range=tuple(np.where(limb.joints, end, q) for end in setting.start_range))
         start = None if q0 is None else q
         found = search(limb.cost, start, part, budget, rng, reached_of(limb.cost), max_restarts, is_hopeless)
         q, restarts = np.where(limb.joints, found.best.at.q, q), max(restarts, found.restarts)
+        left = left or found.left
         if found.proved:
-            return Search(_ended(q, cost, setting, whole), restarts, True)
+            return Search(_ended(q, cost, setting, whole), restarts, True, left)
     end = _ended(q, cost, setting, whole)
     if end.reached or not setting.further or budget.late():
-        return Search(end, restarts)
+        return Search(end, restarts, left=left)
     return search(cost, setting.admitted(q), setting, budget, rng, whole, max_restarts, is_hopeless)
 
 

@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from maira_qp.kernels.search import FINAL_COST, SPENT, SUCCESS
+from maira_qp.kernels.whole_turns import unwind
 from maira_qp.problem.costs import TaskCost
 from maira_qp.robots.configuration import Configuration
 from maira_qp.solvers.compiled import Compiled
@@ -32,10 +33,12 @@ def screen(
     budget: Budget,
     rng: np.random.Generator,
     reached: Callable[[Configuration], bool],
+    start: np.ndarray | None = None,
 ) -> Search:
     """Search for a target (12,) with an engine that does not know the further limits of the setting.
 
-    Without them it is solved once from as many random starts as there may be attempts.
+    Without them it is solved once from as many random starts as there may be attempts. Of the solutions those
+    nearest to a start (n,), if there is one, are looked at first.
     """
     robot, options = setting.robot, setting.options
     starts = np.array([setting.random_start(rng) for _ in range(options.max_restarts + 1)])
@@ -43,7 +46,10 @@ def screen(
     budget.iterations += int(outcome[:, SPENT].sum())
     breaches = np.full(len(q), np.inf)
     arrived = np.flatnonzero(outcome[:, SUCCESS] > 0.0)
-    for k in arrived[np.argsort(engine.wish(q[arrived]), kind="stable")]:
+    if start is not None:
+        unwind(engine.chain, start[None], outcome[:, SUCCESS], q)
+    rank = engine.wish(q[arrived]) if start is None else np.square(q[arrived] - start).sum(axis=1)
+    for k in arrived[np.argsort(rank, kind="stable")]:
         at = robot.at(q[k])
         breaches[k] = setting.broken(at)
         if breaches[k] == 0.0 and reached(at):

@@ -1,6 +1,7 @@
 """Reach the pose: descents from the caller's start and then from random ones, until one arrives.
 
-Attempt 0 starts at q0. Every other start is the best of a few random configurations by its cost, which costs as little
+Attempt 0 starts at q0, and its answer stands unless there is a better one elsewhere: see `neighbourhood`. Every other
+start is the best of a few random configurations by its cost, which costs as little
 as forward kinematics and saves whole descents (multi-start local search; compare Beeson and Ames, "TRAC-IK", Humanoids
 2015). An attempt that stalls is left early: many short attempts find more than few long ones.
 """
@@ -19,6 +20,15 @@ from maira_qp.problem.qp import QP
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
 from maira_qp.solvers.descent import Budget, Descent, Stall, descend
+from maira_qp.solvers.neighbourhood import (
+    NEAR,
+    NEAR_BY_ERROR,
+    SHORT_STEP,
+    displacement,
+    is_closer,
+    starts_beside,
+    turned,
+)
 from maira_qp.solvers.setting import Setting
 
 log = logging.getLogger(__name__)
@@ -44,11 +54,14 @@ class Search:
     restarts: int
     proved: bool = False
     """That nothing reaches the target is proved."""
+    left: bool = False
+    """It is from another start than the one that was given."""
 
 
 def found_by_kernel(robot: Robot, q: np.ndarray, outcome: Sequence[float]) -> Search:
-    """What `maira_qp.kernels.search` left in q (n,) and outcome (7,)."""
-    return Search(Descent(robot.at(q), float(outcome[3]), outcome[0] > 0.0), int(outcome[1]), outcome[0] < 0.0)
+    """What `maira_qp.kernels.search` left in q (n,) and outcome (9,)."""
+    best = Descent(robot.at(q), float(outcome[3]), outcome[0] > 0.0)
+    return Search(best, int(outcome[1]), outcome[0] < 0.0, outcome[8] > 0.0)
 
 
 def search(
@@ -68,20 +81,42 @@ def search(
     """
     options = setting.options
     last = options.max_restarts if max_restarts is None else min(max_restarts, options.max_restarts)
-    stream: np.random.Generator | None = None
-    best: Descent | None = None
-    attempt = 0
+    near = None if q0 is None else follow(cost, setting.robot.at(q0), setting, budget, reached)
+    found = None
+    if near is not None and last > 0 and (near.wandered or not near.reached) and not budget.late():
+        found = _search_beside(cost, near.start, setting, budget, reached, last)
+        if near.reached:
+            nearer = found is not None and near.is_beyond(found.best)
+            return Search(found.best, 0) if found is not None and nearer else Search(near.end, 0, left=near.left)
+    if found is None and (near is None or not (near.reached or last == 0 or budget.late())):
+        found = _search_anywhere(cost, near is not None, last, setting, budget, rng, reached, is_hopeless)
+    if near is None:
+        assert found is not None
+        return found
+    if found is None:
+        proved = not (near.reached or budget.late()) and is_hopeless is not None and is_hopeless()
+        return Search(near.end, 0, proved, near.left)
+    return better_of(near, found, cost, setting, budget, reached)
+
+
+def _search_anywhere(
+    cost: TaskCost,
+    begun: bool,
+    last: int,
+    setting: Setting,
+    budget: Budget,
+    rng: Callable[[], np.random.Generator],
+    reached: Callable[[Configuration], bool],
+    is_hopeless: Callable[[], bool] | None,
+) -> Search:
+    """Descents from random starts, the attempts 0, ..., last; 1, ... where the search has `begun`."""
+    stream, best, attempt = rng(), None, int(begun)
     while True:
-        if attempt == 0 and q0 is not None:
-            start = setting.robot.at(q0)
-        else:
-            stream = stream or rng()
-            start = random_start(cost, setting, stream, budget)
-        descent = attempt_from(start, cost, setting, budget, reached)
+        descent = attempt_from(random_start(cost, setting, stream, budget), cost, setting, budget, reached)
         if descent.is_better_than(best):
             best = descent
         late = budget.late()
-        shut_out = descent.broken > 0.0 and (attempt > 0 or q0 is None)  # no random start could be brought within
+        shut_out = descent.broken > 0.0  # no random start could be brought within
         over = attempt == last or late or shut_out
         asks = not (descent.reached or late) and (attempt == HEAD or (over and attempt < HEAD))
         proved = asks and is_hopeless is not None and is_hopeless()
@@ -92,20 +127,140 @@ def search(
         attempt += 1
 
 
+def _search_beside(
+    cost: TaskCost,
+    start: Configuration,
+    setting: Setting,
+    budget: Budget,
+    reached: Callable[[Configuration], bool],
+    last: int,
+) -> Search | None:
+    """Of what descents from around a start reach the nearest to it; None where none of them arrives."""
+    found, moves = None, setting.start_range[0] < setting.start_range[1]
+    for k, beside in enumerate(starts_beside(setting.robot, start.q[None])[0]):
+        if budget.late():
+            break
+        q = np.where(moves, beside, start.q)
+        end = attempt_from(setting.robot.at(setting.admitted(q)), cost, setting, budget, reached)
+        end = replace(end, at=turned(end.at, start.q, setting, [cost.value]))
+        nearer = found is None or displacement(end.at.q, start.q) < displacement(found.best.at.q, start.q)
+        if end.reached and nearer:
+            found = Search(end, min(k + 1, last))
+    return found
+
+
+@dataclass(frozen=True)
+class Followed:
+    """Where the descent from a start leads."""
+
+    start: Configuration
+    end: Descent
+    wandered: bool
+    """It moved a joint further than its first error asks for."""
+    left: bool = False
+    """It ends elsewhere than in short steps, where it is better by more than the tolerances."""
+
+    def is_beyond(self, other: Descent) -> bool:
+        """It ends further away than another one."""
+        return displacement(self.end.at.q, self.start.q) > displacement(other.at.q, self.start.q)
+
+    @property
+    def reached(self) -> bool:
+        """To the pose."""
+        return self.end.reached
+
+
+def follow(
+    cost: TaskCost,
+    start: Configuration,
+    setting: Setting,
+    budget: Budget,
+    reached: Callable[[Configuration], bool],
+) -> Followed:
+    """From a start to the pose or a nearest point; where that wanders, in short steps if they end nearer, as well."""
+    end, _ = _followed(cost, start, setting, budget, reached, np.inf)
+    far = displacement(end.at.q, start.q)
+    expected = NEAR_BY_ERROR * (2 * cost.value(start)) ** 0.25 if end.reached else 0.0
+    if far <= max(NEAR, expected) or end.broken or budget.late():
+        return Followed(start, end, far > NEAR and not end.reached)
+    steady, is_stationary = _followed(cost, start, setting, budget, reached, SHORT_STEP)
+    nearer = displacement(steady.at.q, start.q) < far
+    if steady.reached and (nearer or not end.reached):
+        return Followed(start, steady, displacement(steady.at.q, start.q) > NEAR)
+    closer = is_closer(end.cost, steady.cost, cost, setting.options)
+    leaves = end.reached or closer
+    return Followed(start, end if leaves or not is_stationary else steady, True, leaves and is_stationary)
+
+
+def _followed(
+    cost: TaskCost,
+    start: Configuration,
+    setting: Setting,
+    budget: Budget,
+    reached: Callable[[Configuration], bool],
+    longest: float,
+) -> tuple[Descent, bool]:
+    """The descent from a start in steps of at most `longest`, to a nearest point, and whether that is stationary."""
+    stalls = longest == np.inf
+    end = attempt_from(start, cost, setting, budget, reached, longest, stalls)
+    is_stationary = False
+    if not (end.reached or end.broken):
+        near = nearest(cost, end, setting, budget, longest)
+        end, is_stationary = replace(near, reached=reached(near.at)), near.reached
+    at = turned(end.at, start.q, setting, [cost.value])
+    return replace(end, at=at), is_stationary
+
+
+def better_of(
+    near: Followed,
+    found: Search,
+    cost: TaskCost,
+    setting: Setting,
+    budget: Budget,
+    reached: Callable[[Configuration], bool],
+) -> Search:
+    """Where the descent from a start ended short of the pose, unless what was found elsewhere is worth leaving for."""
+    best = found.best
+    if not (best.reached or best.broken):
+        end = nearest(cost, best, setting, budget)
+        best = replace(end, reached=reached(end.at))
+    if near.end.broken or best.broken:
+        leaves = best.is_better_than(near.end)
+    else:
+        leaves = best.reached or is_closer(best.cost, near.end.cost, cost, setting.options)
+    if leaves:
+        at = turned(best.at, near.start.q, setting, [cost.value])
+        return Search(replace(best, at=at), found.restarts, found.proved, left=True)
+    return Search(near.end, found.restarts, found.proved, near.left)
+
+
 def attempt_from(
     start: Configuration,
     cost: TaskCost,
     setting: Setting,
     budget: Budget,
     reached: Callable[[Configuration], bool],
+    longest: float = np.inf,
+    stalls: bool = True,
 ) -> Descent:
-    """One descent, given up where it stalls; none from outside the limits, where nothing is near that keeps them."""
+    """One descent in steps of at most `longest` [rad or m], given up where it stalls.
+
+    None from outside the limits, where nothing is near that keeps them.
+    """
     broken = setting.broken(start)
     if broken:
         return Descent(start, cost.value(start), False, broken)
     options = setting.options
-    stall = Stall(options.stall_steps, options.stall_ratio)
-    return descend(cost, start, setting, budget, reached=reached, max_iterations=options.max_iterations, stall=stall)
+    return descend(
+        cost,
+        start,
+        setting,
+        budget,
+        reached=reached,
+        max_iterations=options.max_iterations,
+        stall=Stall(options.stall_steps, options.stall_ratio if stalls else 0.0),
+        longest=longest,
+    )
 
 
 def random_start(cost: TaskCost, setting: Setting, stream: np.random.Generator, budget: Budget) -> Configuration:
@@ -149,7 +304,7 @@ def placed(cost: TaskCost, setting: Setting, q: np.ndarray) -> np.ndarray:
     return robot.clip(q)
 
 
-def nearest(cost: TaskCost, descent: Descent, setting: Setting, budget: Budget) -> Descent:
+def nearest(cost: TaskCost, descent: Descent, setting: Setting, budget: Budget, longest: float = np.inf) -> Descent:
     """From where a search ended short of the pose, Newton's method to the stationary point of the true error.
 
     `reached` of the result says that it is stationary: the projected gradient is below its tolerance.
@@ -161,6 +316,7 @@ def nearest(cost: TaskCost, descent: Descent, setting: Setting, budget: Budget) 
         budget,
         reached=lambda at: stationarity(cost, at, setting) <= setting.options.stationarity_tolerance,
         max_iterations=setting.options.max_settling,
+        longest=longest,
     )
 
 

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from threading import Event, Lock
+
+import numpy as np
 
 Progress = Callable[[int, int], object]
 """Takes how many are done, and how many there are."""
 
 NEVER = Event()
 """For work that nobody interrupts."""
+
+ATTEMPTS = 30_000
+"""Attempts at targets that resist, at most, between two looks at whether the work is to stop."""
 
 ROUNDS, LEAST = 4, 256
 """For several threads a short list is cut so that each has so many shares, none of them shorter than the least."""
@@ -81,3 +86,12 @@ def in_shares(
     finally:
         halted.set()
         pool.shutdown()
+
+
+def parts(some: np.ndarray, attempts: int, halted: Event) -> Iterator[np.ndarray]:
+    """Some of the targets in parts of so many that their attempts, so many each, take no more than a moment."""
+    most = max(1, ATTEMPTS // attempts)
+    for first in range(0, len(some), most):
+        if halted.is_set():
+            return
+        yield some[first : first + most]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -96,6 +97,7 @@ class _OfRobot(_OfSetting):
     condition_number: Any
     active_limits: Any
     broken_limits: Any
+    max_joint_change: Any
 
     def __getstate__(self) -> dict[str, Any]:
         own = {name: getattr(self, name) for name in _OF_ROBOT}
@@ -107,7 +109,7 @@ class _OfRobot(_OfSetting):
         return {name: plain(getattr(self, name)) for name in (*_VALUES, *_OF_ROBOT)}
 
 
-_OF_ROBOT = ("joint_names", "q_units", "condition_number", "active_limits", "broken_limits")
+_OF_ROBOT = ("joint_names", "q_units", "condition_number", "active_limits", "broken_limits", "max_joint_change")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -143,13 +145,16 @@ class Solution(_OfRobot):
     target_deviation: float
     """Largest entry of |R R^T - I| of a target given as an array, where it is above 1e-5, else 0: up to 2e-3 the
     nearest rotation was taken, as is meant by three or four decimals"""
+    left_q0: bool
+    """The answer left the neighbourhood of `q0`: a descent from there ends elsewhere, and this answer is better
+    by more than the tolerances. False without `q0`"""
     backend: str
     """Who solved the QPs"""
+    _start: np.ndarray | None = field(repr=False)
+    """The start `q0` (n,) that was given"""
     _setting: Setting | None = field(repr=False)
     _asked: tuple[Priorities, Any] | None = field(repr=False)
     """The tasks and what they were called with"""
-    _q0: np.ndarray | None = None
-    """The start (n,) that was moved, if it was"""
 
     def __bool__(self) -> bool:
         return self.success
@@ -174,6 +179,11 @@ class Solution(_OfRobot):
                 for name, number in zip(self.joint_names, numbers, strict=True)
             ],
         )
+
+    @cached_property
+    def max_joint_change(self) -> float:
+        """How far the joint that moved most is from `q0`, max_i |q_i - q0_i| [rad or m]; NaN without `q0`"""
+        return math.nan if self._start is None else float(np.abs(self.q - self._start).max())
 
     @cached_property
     def condition_number(self) -> float:
@@ -219,7 +229,8 @@ class Solution(_OfRobot):
         (priorities, asked), robot = self._asked, self._setting.robot
         targets = {} if self.success else priorities.targets(asked)
         far = [millimetres_hint(target.translation, robot) for target in targets.values()]
-        start = "" if self._q0 is None else degrees_hint(self._q0, robot, "the start")
+        moved = self._start if self.start_projected else None
+        start = "" if moved is None else degrees_hint(moved, robot, "the start")
         return tuple(hint for hint in (*dict.fromkeys(far), start) if hint)
 
     def explain(self) -> Explanation:
@@ -268,6 +279,7 @@ _VALUES = (
     "optimal",
     "start_projected",
     "target_deviation",
+    "left_q0",
     "backend",
 )
 
@@ -318,10 +330,19 @@ class BatchSolution(_OfRobot):
     """(N,) of bool"""
     target_deviation: np.ndarray
     """(N,)"""
+    left_q0: np.ndarray
+    """(N,) of bool"""
     backend: str
+    _starts: np.ndarray | None = field(repr=False)
+    """(N, n)"""
     _setting: Setting | None = field(repr=False)
     _asked: tuple[Priorities, np.ndarray] | None = field(repr=False)
     """The tasks and the rows (N, K, 12) of targets that they were called with"""
+
+    @cached_property
+    def max_joint_change(self) -> np.ndarray:
+        """(N,)"""
+        return np.full(len(self), np.nan) if self._starts is None else np.abs(self.q - self._starts).max(axis=1)
 
     @cached_property
     def condition_number(self) -> np.ndarray:
@@ -351,8 +372,11 @@ class BatchSolution(_OfRobot):
         return [broken_limits(setting, q) for q in self.q] if setting.further else [{} for _ in self.q]
 
     @staticmethod
-    def blank(setting: Setting, backend: str, count: int, asked: tuple[Priorities, np.ndarray]) -> BatchSolution:
-        """So many answers yet to be written: budget spent, at no q yet."""
+    def blank(
+        setting: Setting, backend: str, starts: np.ndarray | None, asked: tuple[Priorities, np.ndarray]
+    ) -> BatchSolution:
+        """Answers yet to be written to what was asked, from starts (N, n) or None: budget spent, at no q yet."""
+        count = len(asked[1])
         return BatchSolution(
             q=np.empty((count, setting.robot.n)),
             success=np.zeros(count, dtype=bool),
@@ -366,7 +390,9 @@ class BatchSolution(_OfRobot):
             optimal=np.zeros(count, dtype=bool),
             start_projected=np.zeros(count, dtype=bool),
             target_deviation=np.zeros(count),
+            left_q0=np.zeros(count, dtype=bool),
             backend=backend,
+            _starts=starts,
             _setting=setting,
             _asked=asked,
         )
@@ -392,7 +418,7 @@ class BatchSolution(_OfRobot):
         self.status[part] = np.where(reached, Status.CONVERGED, Status.BUDGET_SPENT)
         self.position_error[part], self.orientation_error[part] = outcome[:, 4], outcome[:, 5]
         self.iterations[part], self.restarts[part] = outcome[:, 2], outcome[:, 1]
-        self.start_projected[part] = outcome[:, 6] > 0
+        self.start_projected[part], self.left_q0[part] = outcome[:, 6] > 0, outcome[:, 8] > 0
         finished = np.flatnonzero(~np.isnan(after[:, 0]))
         if not len(finished):
             return
@@ -458,13 +484,15 @@ class BatchSolution(_OfRobot):
         if not isinstance(i, int):
             arrays = {name: getattr(self, name)[i].copy() for name in _VALUES if name != "backend"}
             asked = None if self._asked is None else (self._asked[0], self._asked[1][i])
-            return BatchSolution(**arrays, backend=self.backend, _setting=self._setting, _asked=asked)
+            starts = None if self._starts is None else self._starts[i]
+            return BatchSolution(**arrays, backend=self.backend, _starts=starts, _setting=self._setting, _asked=asked)
         values = {name: getattr(self, name)[i] for name in _VALUES if name not in ("q", "status", "backend")}
         return Solution(
             q=self.q[i].copy(),
             status=Status(int(self.status[i])),
             **{name: value.item() for name, value in values.items()},
             backend=self.backend,
+            _start=None if self._starts is None else self._starts[i],
             _setting=self._setting,
             _asked=None if self._asked is None else (self._asked[0], self._asked[0].of_row(self._asked[1][i])),
         )

@@ -172,13 +172,19 @@ class Solver(Shown):
             q0: start (n,) [rad or m]; None: of a few hundred known configurations the one nearest to the target, and to
                 the posture that the redundancy wishes for; joints with a turn or more then end at the one nearest to
                 that posture. A start outside the limits is moved onto them.
+                With q0, the answer leaves its basin or turn only for a result better by more than the tolerances, and
+                says so: `left_q0` and `max_joint_change`. It is where the descent from q0 ends, at the pose or at a
+                nearest point, unless another start leads to the pose, or to a nearest point whose weighted error |W e|
+                is smaller by more than |W (position_tolerance, orientation_tolerance)|; and each joint ends at the
+                whole turn nearest to q0.
             rng: generator or seed of what is random about the starts; None: seed 0, so that the same call gives the
                 same answer. Other seeds begin elsewhere, and may find another configuration that reaches the target.
             observe: called with each configuration (n,) on the way, starts included, for pictures of the iteration;
                 with it, nothing runs in compiled code.
             prefer: "closest": of all `solutions` the one nearest to q0 by `sum_i metric_i (q_i - q0_i)^2`, of which
-                `cost` is then half. Global for S-R-S arms, as complete as the list for others, and without regard to
-                the deadline. Where no solution is known, the usual verdict from q0. None: the first that is found.
+                `cost` is then half: for this call that distance takes the place of the solver's redundancy. Global for
+                S-R-S arms, as complete as the list for others, and without regard to the deadline. Where no solution is
+                known, the usual verdict from q0. None: the first that is found.
             metric: joint weights (n,), >= 0; None: 1.
 
         Raises `PoseError`, `ConfigurationError`, `OptionError` for what cannot be meant; the rest is a `Status`.
@@ -186,11 +192,10 @@ class Solver(Shown):
         seed = SEED_0 if rng is None else checked_seed(rng)
         check_callable(observe, "observe", OptionError)
         if prefer is not None or metric is not None:
-            check_preference(prefer, q0, self.redundancy, observe)
+            check_preference(prefer, q0, observe)
             closest = self._closest(self._priorities.targets(target), posture_at(q0, metric, self.robot), seed)
             return with_deviation(closest, target)
-        solution = self._answer(target, q0, seed, observe)
-        return replace(solution, _q0=self._start(q0)) if solution.start_projected else solution
+        return self._answer(target, q0, seed, observe)
 
     def _answer(
         self, target: Any, q0: Any, seed: np.ndarray, observe: Callable[[np.ndarray], object] | None = None
@@ -208,14 +213,14 @@ class Solver(Shown):
             if fault == engine.NOT_RIGID:
                 return with_deviation(self._answer(targets, start, seed), target)
             return self._general.solve(targets, self._start(start), seed)
-        found, _, spent, _, position, orientation, moved = outcome
+        found, _, spent, _, position, orientation, moved, _, left = outcome
         reached = optimal = found > 0.0
         gradient = cost = math.nan
         if after:
             arrived, more, gradient, cost, position, orientation = after
             reached, spent, optimal = arrived > 0.0, spent + more, gradient <= self.options.stationarity_tolerance
         if not optimal or not (engine.settles or self._priorities.is_done_by_search):
-            return self._general.finish(q, outcome, self._priorities.targets(target))
+            return self._general.finish(q, outcome, self._priorities.targets(target), self._start(start))
         return solution_of(
             q=q,
             success=reached,
@@ -229,7 +234,9 @@ class Solver(Shown):
             optimal=True,
             start_projected=moved > 0.0,
             target_deviation=0.0,
+            left_q0=left > 0.0,
             backend="compiled",
+            _start=None if start is None else start.copy(),
             _setting=self._setting,
             _asked=(self._priorities, native.copy()),
         )
@@ -270,9 +277,9 @@ class Solver(Shown):
         words = checked_seed(seed)
         postures = None
         if prefer is not None or metric is not None:
-            check_preference(prefer, starts, self.redundancy)
+            check_preference(prefer, starts)
             postures = [posture_at(start, metric, self.robot) for start in starts]  # type: ignore[union-attr]
-        batch = BatchSolution.blank(self._setting, self.backend, len(rows), (self._priorities, rows))
+        batch = BatchSolution.blank(self._setting, self.backend, starts, (self._priorities, rows))
         batch.target_deviation[:] = deviations
         finite = np.isfinite(rows[:, 0, 0])
         engine = self._search_engine
@@ -302,7 +309,8 @@ class Solver(Shown):
         one, q = np.ascontiguousarray(rows[:, 0]), batch.q
         engine.solve_batch(one, starts, words, threads, told, q, put)
         for i in sorted(left):
-            batch.put(i, self._general.finish(q[i].copy(), left[i], self._priorities.of_row(rows[i])))
+            start = None if starts is None else starts[i]
+            batch.put(i, self._general.finish(q[i].copy(), left[i], self._priorities.of_row(rows[i]), start))
             if progress is not None and not all_of_it:
                 progress(i + 1, len(rows))
         if progress is not None and not (all_of_it or finite[-1:].all()):
@@ -338,14 +346,29 @@ class Solver(Shown):
         """The nearest of all solutions to a posture, settled there; without any, what is found from it."""
         from maira_qp.solvers.enumeration import nearest_solution
 
-        q = nearest_solution(self._priorities, self._setting, self._compiled, targets, posture, seed)
+        q0, by_distance = posture.q_ref, self._with_redundancy(Strict(posture))
+        q = nearest_solution(by_distance._priorities, self._setting, self._compiled, targets, posture, seed)
         if q is None:
-            return self._answer(targets, posture.q_ref, seed)
-        wish, settling = Strict(posture), copy(self)
-        settling._priorities = replace(self._priorities, redundancy=wish)
-        settling._compiled = None if self._compiled is None else self._compiled.preferring(wish)
-        settling._general = replace(self._general, priorities=settling._priorities, compiled=settling._compiled)
-        return settling.solve(targets, q)
+            return by_distance._answer(targets, q0, seed)
+        near = by_distance._answer(targets, q, seed)
+        left = not self._without_restarts()._answer(targets, q0, seed).success
+        return replace(near, _start=q0, left_q0=left, start_projected=bool((self.robot.clip(q0) != q0).any()))
+
+    def _with_redundancy(self, redundancy: Strict) -> Solver:
+        """The same solver with another redundancy, made for the robot."""
+        other = copy(self)
+        other._priorities = replace(self._priorities, redundancy=redundancy)
+        other._compiled = None if self._compiled is None else self._compiled.preferring(redundancy)
+        other._general = replace(self._general, priorities=other._priorities, compiled=other._compiled)
+        return other
+
+    def _without_restarts(self) -> Solver:
+        """The same solver with descents from the start alone."""
+        other = copy(self)
+        other._setting = replace(self._setting, options=replace(self.options, max_restarts=0))
+        other._compiled = None if self._compiled is None else replace(self._compiled, last_attempt=0)
+        other._general = replace(self._general, setting=other._setting, compiled=other._compiled)
+        return other
 
     def step(
         self,
