@@ -118,7 +118,7 @@ class _Problem:
         self.start = np.linspace(0.4, 0.9, robot.n)
         self.target = robot.forward(self.start).homogeneous
         self.q, self.outcome, self.after = self.start[None].copy(), np.zeros((1, OUTCOME)), np.zeros((1, SETTLED))
-        self.asked = Asked(rows_of(self.target[None]), np.empty((0, robot.n)), np.zeros(1, np.uint64), False)
+        self.asked = Asked(rows_of(self.target[None])[0], np.empty((0, robot.n)), np.zeros(1, np.uint64), False)
 
     def settle(self) -> None:
         """Of a q that does not reach the pose, kernels do what they do where few targets lead."""

@@ -18,7 +18,7 @@ from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
-from maira_qp.robots.whole_turns import WholeTurns
+from maira_qp.robots.whole_turns import FARTHEST, WholeTurns
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.setting import Setting
 from maira_qp.solvers.spread import spread
@@ -68,10 +68,13 @@ def _tolerated(task: Task, options: Options) -> float:
 def turned(
     at: Configuration, start: np.ndarray, setting: Setting, costs: Sequence[Callable[[Configuration], float]]
 ) -> Configuration:
-    """The configuration with each joint at the whole turn nearest to the start (n,), where no cost is higher for it."""
+    """The configuration with each joint at the whole turn nearest to the start (n,), where no cost is higher for it.
+
+    Where the start is beyond `FARTHEST`, a joint stays at the turn that it has.
+    """
     robot = setting.robot
     q = WholeTurns(robot, start).within(at.q[None])[0]
-    there = np.flatnonzero(np.abs(q - at.q) > 1.0)
+    there = np.flatnonzero((np.abs(q - at.q) > 1.0) & (np.abs(start) <= FARTHEST))
 
     def is_felt(trial: Configuration) -> bool:
         higher = any(cost(trial) > cost(at) + ROUNDING * (abs(cost(at)) + ROUNDING) for cost in costs)
