@@ -59,7 +59,7 @@ def kernel_answers() -> np.ndarray:
     """Numbers of kernels that call others: exact rows of poses, Jacobians, and the solution of a box QP."""
     rng, robot = np.random.default_rng(5), mq.Robot.maira()
     q = configurations(robot, rng, 5)
-    rows = rows_of(np.array([robot.forward(each).homogeneous for each in q]))
+    rows, _ = rows_of(np.array([robot.forward(each).homogeneous for each in q]))
     root, x = rng.normal(size=(7, 7)), np.empty(7)
     memory = np.empty((7, 7)), np.empty(7, np.int64), np.empty(7, np.int64), np.empty(7)
     assert solve_box_qp(root @ root.T, 9.0 * rng.normal(size=7), np.full(7, -1.0), np.full(7, 0.5), *memory, x)

@@ -202,10 +202,11 @@ def test_a_tree_is_solved_by_the_general_engine():
 
 
 def test_the_length_is_that_of_the_longest_arm():
+    """A slide counts as much as the links at most, here 2.5 m of its range."""
     text = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>
       <joint name="ab" type="continuous"><parent link="a"/><child link="b"/><origin xyz="0 0 9"/></joint>
       <joint name="bc" type="continuous"><parent link="b"/><child link="c"/><origin xyz="0 2 0"/></joint>
-      <joint name="bd" type="prismatic"><parent link="b"/><child link="d"/><origin xyz="1 0 0"/>
+      <joint name="bd" type="prismatic"><parent link="b"/><child link="d"/><origin xyz="2.5 0 0"/>
         <limit lower="-1" upper="3"/></joint></robot>"""
     lengths = {
         tips: mq.Robot.from_urdf(text, tip=tips).length for tips in ("c", "d", ("c", "d"), ("d", "c"), ("b", "c"))

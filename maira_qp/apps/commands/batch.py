@@ -74,7 +74,9 @@ class Batch:
         with reader_may_leave():
             print_json(summary) if json else _show(summary)
         for name in left_out(output, poses.table):
-            console(stderr=True).print(f"left out of {output}: {name!r}, which has no entry for each pose")
+            console(stderr=True).print(
+                f"left out of {output}: {name!r}, which has no entry for each pose", soft_wrap=True
+            )
         return 0 if answers["success"].all() else 1
 
     def _solved(self, solver: Solver, poses: Poses, progress: Callable[[int, int], None]) -> Iterator[BatchSolution]:

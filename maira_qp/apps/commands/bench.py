@@ -66,9 +66,8 @@ class Bench:
             out.print("false claims: said to be solved, but off the pose or outside the limits")
             for note in made.notes:
                 out.print(note)
-            out.print(
-                f"rows, summary and picture: {self.output}" if has_picture else f"rows and summary: {self.output}"
-            )
+            made_what = "rows, summary and picture" if has_picture else "rows and summary"
+            out.print(f"{made_what}: {self.output}", soft_wrap=True)
             if not has_picture:
                 out.print(NO_PICTURE)
         return 0

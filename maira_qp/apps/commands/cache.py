@@ -32,8 +32,8 @@ class Cache:
             told = {"folders": folders, "key": code_cache.KEY, "files": len(files), "bytes": size}
             print_json({**told, "current_files": len(current), "cleared": self.clear})
         elif self.clear:
-            out.print(f"cleared {len(files)} files, {size / 1e6:.1f} MB, from {', '.join(folders)}")
+            out.print(f"cleared {len(files)} files, {size / 1e6:.1f} MB, from {', '.join(folders)}", soft_wrap=True)
         else:
-            out.print(f"{len(files)} files, {size / 1e6:.1f} MB, in {', '.join(folders)}")
+            out.print(f"{len(files)} files, {size / 1e6:.1f} MB, in {', '.join(folders)}", soft_wrap=True)
             out.print(f"{len(current)} of them are of the current sources and versions, key {code_cache.KEY}")
         return 0

@@ -58,7 +58,7 @@ class Compare:
             out.print(table(comparison))
             for note in comparison.plan.notes:
                 out.print(note)
-            out.print(f"picture: {self.picture}" if has_picture else NO_PICTURE)
+            out.print(f"picture: {self.picture}" if has_picture else NO_PICTURE, soft_wrap=True)
         if has_picture:
             picture(comparison, self.picture)
         return 0

@@ -30,5 +30,6 @@ class Compile:
             ahead.compile(verbs=self.verbs, processes=self.processes, progress=progress)
         files = [file for file in code_cache.kept() if file.parent.name == code_cache.KEY]
         size = sum(file.stat().st_size for file in files) / 1e6
-        console().print(f"{len(files)} files, {size:.1f} MB, in {', '.join(sorted({str(f.parent) for f in files}))}")
+        folders = ", ".join(sorted({str(file.parent) for file in files}))
+        console().print(f"{len(files)} files, {size:.1f} MB, in {folders}", soft_wrap=True)
         return 0

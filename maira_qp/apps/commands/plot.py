@@ -58,7 +58,7 @@ class Picture(ABC):
         with plots.style():
             drawn = self.draw(robot, Angles(robot, self.deg))
         plots.save(drawn, path, dpi=self.dpi)
-        console().print(f"picture: {path}")
+        console().print(f"picture: {path}", soft_wrap=True)
         return 0
 
     @abstractmethod
