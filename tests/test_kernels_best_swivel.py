@@ -7,8 +7,9 @@ from srs_arms import ARMS, Arm, anywhere, hard_configurations, memory, poses_of,
 
 import maira_qp as mq
 from maira_qp.kernels.best_swivel import ROUNDS, ROWS, half_square, reach_near_posture
+from maira_qp.kernels.descent import SETTINGS
 from maira_qp.kernels.lanes import LANES
-from maira_qp.kernels.search import SUCCESS
+from maira_qp.kernels.search import OUTCOME, SUCCESS
 from maira_qp.kernels.spherical import COS_HALF, FIRST, RANGES
 from maira_qp.robots.serial_chain import chain_of
 from maira_qp.robots.srs import wrapped
@@ -18,8 +19,8 @@ ANGLES = 2 * np.pi * np.arange(LANES * ROUNDS) / (LANES * ROUNDS)
 
 def begun(arm: Arm, poses: np.ndarray, reference: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Configurations (N, 7) for poses (N, 4, 4), and which were found (N,)."""
-    q, outcome = np.full((len(poses), 7), np.nan), np.full((len(poses), 7), np.nan)
-    settings = np.array([1.0, 1.0, 1e-6, 1e-6, *np.zeros(9)])
+    q, outcome = np.full((len(poses), 7), np.nan), np.full((len(poses), OUTCOME), np.nan)
+    settings = np.array([1.0, 1.0, 1e-6, 1e-6, *np.zeros(SETTINGS - 4)])
     lanes, kinematics = np.full((ROWS, LANES), np.nan), np.full((20, 3), np.nan)
     rows, chain = np.array([row_of(T) for T in poses]), chain_of(arm.robot)
     problem = chain, settings, arm.array, rows, reference, weights

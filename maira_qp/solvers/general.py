@@ -151,6 +151,20 @@ class General:
 
         return reached
 
+    def _refined(
+        self, best: Descent, cost: TaskCost, wish: Weighted | Strict | None, reached: Reached, budget: Budget
+    ) -> tuple[Configuration, float]:
+        """The redundancy's optimum or the nearest point, from the best of a search, and its projected gradient."""
+        if best.broken:  # nothing was minimised but what is broken
+            return best.at, math.nan
+        if not best.reached:
+            at = nearest(cost, best, self.setting, budget).at
+            return at, stationarity(cost, at, self.setting)
+        if wish is None:
+            return best.at, math.nan
+        settled = settle(wish, cost, best.at, self.setting, budget, reached)
+        return settled.at, settled.projected_gradient
+
     def _finish(
         self,
         found: Search,
@@ -167,18 +181,13 @@ class General:
         `start` (n,) is q0 (n,) within the limits.
         """
         setting, tolerance = self.setting, self.setting.options.stationarity_tolerance
-        at, gradient = found.best.at, math.nan
-        if found.best.broken:
-            pass  # nothing was minimised but what is broken
-        elif not found.best.reached:
-            at = nearest(cost, found.best, setting, budget).at
-            gradient = stationarity(cost, at, setting)
-        elif wish is not None:
-            settled = settle(wish, cost, at, setting, budget, reached)
-            at, gradient = settled.at, settled.projected_gradient
+        at, gradient = self._refined(found.best, cost, wish, reached, budget)
         if start is not None:
             wished = () if wish is None else wish.objectives
-            at = turned(at, start, setting, [cost.value, *(objective.cost for objective in wished)])
+            nearer = turned(at, start, setting, [cost.value, *(objective.cost for objective in wished)])
+            if nearer is not at:  # a limit that held a joint up may be a whole turn away now
+                best = replace(found.best, at=nearer, cost=cost.value(nearer))
+                at, gradient = self._refined(best, cost, wish, reached, budget)
         fresh = self.setting.robot.at(self.setting.robot.clip(at.q))
         success = reached(fresh)
         position, orientation = residual(cost, fresh)
