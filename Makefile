@@ -10,9 +10,11 @@ WITHOUT_PASSES := tests/test_kernels_rigid.py tests/test_kernels_random_numbers.
 demo: .venv/.ready ## solve random poses with both redundancy methods and the plain reference, compare them
 	$(BIN)/maira-qp compare --picture output/comparison.png
 
-test: .venv/.ready ## run the tests, and those of the kernels again as plain Python, where an index out of bounds is an error
+test: .venv/.ready ## run the tests; those of the kernels again as plain Python, where an index out of bounds is an error; some as other processors round
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist loadgroup
 	OMP_NUM_THREADS=1 NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n auto tests/test_kernels_*.py
+	OMP_NUM_THREADS=1 OPENBLAS_CORETYPE=Haswell $(BIN)/python -m pytest -q -n auto -m rounding
+	OMP_NUM_THREADS=1 OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic $(BIN)/python -m pytest -q -n auto -m rounding
 	OMP_NUM_THREADS=1 MAIRA_QP_INLINE=0 $(BIN)/python -m pytest -q -n 0 $(WITHOUT_PASSES)
 
 lint: .venv/.ready ## style, types, and the import contract

@@ -142,6 +142,7 @@ def test_gradient_is_that_of_the_point_jacobians(name, rng):
         np.testing.assert_allclose(gradient, expected, atol=1e-12)
 
 
+@pytest.mark.rounding
 def test_answers_depend_on_q_alone(rng):
     """Not on what was asked before, nor on how far was looked; to rounding, which where an array begins may change."""
     limit, robot = limit_of("panda"), robot_of("panda")

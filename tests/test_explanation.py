@@ -151,6 +151,7 @@ def test_tasks_that_are_no_pose_are_explained_too(maira):
     assert "away" in str(far.explain())
 
 
+@pytest.mark.rounding
 def test_the_pair_that_is_in_the_way_is_named_with_what_it_costs(maira, rng):
     """A ball where the tool is to be: its pair, its distance, and by differences what a smaller margin gains."""
     T = mq.pose([0.6, 0.0, 0.5], quaternion=[0, 1, 0, 0])

@@ -14,6 +14,8 @@ import maira_qp as mq
 from maira_qp.errors import OptionError
 from maira_qp.problem.limits import Limit
 
+pytestmark = pytest.mark.rounding
+
 FEW = mq.Options(max_restarts=10)
 
 

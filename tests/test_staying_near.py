@@ -8,6 +8,8 @@ from conftest import load
 
 import maira_qp as mq
 
+pytestmark = pytest.mark.rounding
+
 ALONE = mq.Options(max_restarts=0)
 TOLERANCE = 1e-6
 

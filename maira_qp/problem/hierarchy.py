@@ -114,7 +114,7 @@ def _with_slack(problem: Subproblem, level: Level) -> Subproblem:
 def solve_hierarchy(levels: Sequence[Level], bounds: Bounds, backend: Backend) -> np.ndarray | None:
     """Displacement dq (n,) of the whole hierarchy, within the bounds; None if the backend could not solve level 1.
 
-    dq is inside the box to the bit. A level below the first that its backend cannot solve is left out.
+    dq is inside the box exactly. A level below the first that its backend cannot solve is left out.
     """
     displacements = solve_each_level(levels, bounds, backend)
     return displacements[-1] if displacements else None

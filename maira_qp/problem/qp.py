@@ -47,7 +47,7 @@ class QPSolution:
     qp: QP
     found: bool
     x: np.ndarray
-    """(n,), inside the box to the bit"""
+    """(n,), inside the box exactly"""
     z: np.ndarray
     """(m,) multipliers of the rows"""
     z_box: np.ndarray

@@ -109,7 +109,7 @@ class Arc(Shown):
         return bool(self.lower + np.mod(psi - self.lower, _TURN) <= self.upper or psi in (self.lower, self.upper))
 
     def at(self, psi: np.ndarray) -> np.ndarray:
-        """Configurations (..., 7) [rad] at psi (...) [rad], within the limits to the bit; psi outside is moved inside.
+        """Configurations (..., 7) [rad] at psi (...) [rad], within the limits exactly; psi outside is moved inside.
 
         Continuous in psi, but where a continuous joint passes pi.
         """

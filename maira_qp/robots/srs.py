@@ -312,7 +312,7 @@ def checked_pose(T: np.ndarray | pin.SE3) -> np.ndarray:
 
 
 def wrapped(angle: np.ndarray) -> np.ndarray:
-    """Angles in (-pi, pi]; those that are there already stay as they are to the bit."""
+    """Angles in (-pi, pi]; those that are there already stay exactly as they are."""
     turned = np.pi - np.mod(np.pi - angle, 2 * np.pi)
     return np.where((angle > -np.pi) & (angle <= np.pi), angle, turned)
 

@@ -80,7 +80,7 @@ class WholeTurns:
     def within(self, q: np.ndarray, slack: float = WITHIN) -> np.ndarray:
         """Those of the configurations (k, n) that turns bring within the limits, as near the reference as they can.
 
-        (m, n), within the limits to the bit: what is beyond them by at most `slack` [rad or m] is clipped.
+        (m, n), within the limits exactly: what is beyond them by at most `slack` [rad or m] is clipped.
         """
         first, last = self._room(q, slack)
         turns = np.clip(np.round((self.aim - q) / _TURN), first, last)

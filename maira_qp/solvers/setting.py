@@ -196,7 +196,7 @@ class Setting:
         return C
 
     def moved(self, at: Configuration, dq: np.ndarray) -> Configuration:
-        """The configuration after a displacement dq (n,), inside the joint limits to the bit."""
+        """The configuration after a displacement dq (n,), inside the joint limits exactly."""
         return self.robot.at(self.robot.clip(at.q + dq))
 
     def check(self) -> None:

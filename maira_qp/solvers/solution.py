@@ -114,7 +114,7 @@ _OF_ROBOT = ("joint_names", "q_units", "condition_number", "active_limits", "bro
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution(_OfRobot):
-    """The answer to one target. `q` is finite and inside the limits to the bit, unless the status is INVALID_TARGET.
+    """The answer to one target. `q` is finite and inside the limits exactly, unless the status is INVALID_TARGET.
 
     `bool(solution)` is `solution.success`.
     """
@@ -506,7 +506,7 @@ class Step(_OfSetting):
     """One control tick."""
 
     velocity: np.ndarray
-    """Joint velocity (n,) [rad/s or m/s], within the velocity limits to the bit"""
+    """Joint velocity (n,) [rad/s or m/s], within the velocity limits exactly"""
     q: np.ndarray
     """Configuration (n,) after the tick"""
     position_error: float

@@ -21,7 +21,7 @@ class ListedSolution(Shown):
     """One of all solutions for a pose."""
 
     q: np.ndarray
-    """Configuration (n,) [rad or m], within the limits to the bit"""
+    """Configuration (n,) [rad or m], within the limits exactly"""
     cost: float
     """Value of the objective that the list is ranked by"""
     position_error: float

@@ -252,10 +252,11 @@ class Solver(Shown):
         prefer: str | None = None,
         metric: Any = None,
     ) -> BatchSolution:
-        """`solve` for each of N targets: `batch[i].q` is that of `solve(targets[i], q0, rng=seed)`, to the bit.
+        """`solve` for each of N targets: `batch[i].q` is that of `solve(targets[i], q0, rng=seed)`.
 
-        Each target has a random stream of its own, made from the seed and the target itself, so that no answer depends
-        on the order of the batch, on how it is split, or on the number of threads. A target with NaN or inf in it is
+        To the bit on one machine with one set of versions; on another to the tolerances, with the same verdict. Each
+        target has a random stream of its own, made from the seed and the target itself, so that no answer depends on
+        the order of the batch, on how it is split, or on the number of threads. A target with NaN or inf in it is
         not solved, and costs no other anything: its status is INVALID_TARGET, its q and all numbers are NaN.
 
         Args:

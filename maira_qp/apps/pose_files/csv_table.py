@@ -157,7 +157,7 @@ def write_csv(file: BinaryIO, table: Table, answers: Mapping[str, np.ndarray]) -
 
 
 def _texts(column: Any) -> Iterable[str]:
-    """Cells: numbers so that they read back to the bit, true and false, text in quotes where it needs them."""
+    """Cells: numbers so that they read back exactly, true and false, text in quotes where it needs them."""
     if isinstance(column, np.ma.MaskedArray):  # an empty cell where it is masked
         masked = np.ma.getmaskarray(column).tolist()
         return ["" if gone else repr(value) for value, gone in zip(column.data.tolist(), masked, strict=True)]

@@ -43,7 +43,7 @@ class SelfMotion:
     s: np.ndarray
     """(k,) [rad, or m], increasing; 0 where the walk began"""
     q: np.ndarray
-    """Configurations (k, n), within the limits to the bit"""
+    """Configurations (k, n), within the limits exactly"""
     directions: np.ndarray
     """dq/ds (k, n), of length 1"""
     is_closed: bool
