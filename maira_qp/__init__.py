@@ -28,7 +28,7 @@ from maira_qp.robots.dh import DHLink, DHTable
 from maira_qp.robots.robot import Robot
 from maira_qp.solvers.ahead import compile
 from maira_qp.solvers.options import Options
-from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step
+from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, StepStatus
 from maira_qp.solvers.solutions import ListedSolution, Solutions
 from maira_qp.solvers.solver import Solver
 
@@ -69,6 +69,7 @@ __all__ = [
     "Sphere",
     "Status",
     "Step",
+    "StepStatus",
     "Strict",
     "SwivelTask",
     "Task",

@@ -7,7 +7,6 @@ from scipy.optimize import nnls
 
 from maira_qp.kernels.eigenvectors import diagonalise
 from maira_qp.kernels.ldl import factor_ldl, solve_ldl
-from maira_qp.kernels.multipliers import find_multipliers
 from maira_qp.kernels.null_space import balance, extend, factor, null_vector, shortest_solution
 from maira_qp.kernels.positive_part import make_positive
 from maira_qp.kernels.restoration import RANK_THRESHOLD
@@ -191,37 +190,6 @@ def test_rows_that_are_factored_later_give_the_null_space_of_all(n, rng):
             null_vector(At, n, rank, tau, k, x)
             assert np.linalg.norm(x) == pytest.approx(1.0, abs=1e-13)
             assert np.abs(rows @ x).max() < 1e-12
-
-
-@pytest.mark.parametrize(("m", "n"), [(3, 7), (6, 7), (6, 6), (12, 14), (24, 16), (9, 2)])
-def test_multipliers_are_the_smallest_of_least_squares(m, n, rng):
-    """Of any rank, with joints that are held, all of them too."""
-    for case in range(few(80)):
-        rank = int(rng.integers(1, min(m, n) + 1)) if case % 2 else min(m, n)
-        rows, g, held = rows_of_rank(m, n, rank, rng), rng.normal(size=n), rng.random(n) < (0, 0.3, 0.8, 1)[case % 4]
-        s = max(m, n)
-        F, found = np.full((s, s), np.nan), np.full(m, np.nan)
-        order, joints = np.full(s, -(2**62)), np.full(n, -(2**62))
-        work = [np.full(shape, np.nan) for shape in (s, s, (n, n), (n, n), (n, n))]
-        tau, x, G, D, V = work
-        find_multipliers(rows, g, held, F, tau, order, joints, x, G, D, V, found)
-        A = rows[:, ~held].T
-        values = np.linalg.svd(A, compute_uv=False) if A.size else np.zeros(0)
-        kept = values[values > 1e-9 * np.linalg.norm(rows)]
-        expected = np.linalg.lstsq(A, -g[~held], rcond=1e-6)[0]
-        worth = (kept[0] / kept[-1]) ** 2 * max(1.0, np.abs(expected).max()) if len(kept) else 1.0
-        assert np.abs(found - expected).max() < 1e-13 * worth
-
-
-def test_rows_of_joints_that_do_not_move_them_give_no_multipliers(rng):
-    """Entries of rounding's size, where the joints that do are held, are not divided by."""
-    rows, g, held = rng.normal(size=(3, 7)), rng.normal(size=7), np.arange(7) < 5
-    rows[:, 5:] *= 1e-17
-    F, found = np.full((7, 7), np.nan), np.full(3, np.nan)
-    order, joints = np.full(7, 0), np.full(7, 0)
-    tau, x, G, D, V = (np.full(shape, np.nan) for shape in (7, 7, (7, 7), (7, 7), (7, 7)))
-    find_multipliers(rows, g, held, F, tau, order, joints, x, G, D, V, found)
-    assert np.abs(found).max() < 1e-9
 
 
 def row_qp(H, c, Z, lower, upper) -> tuple[np.ndarray, np.ndarray, bool]:

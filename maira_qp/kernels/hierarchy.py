@@ -11,7 +11,6 @@ import math
 
 from maira_qp.kernels.box_qp import solve_box_qp
 from maira_qp.kernels.compilation import inner_kernel
-from maira_qp.kernels.levels import WEIGHT
 from maira_qp.kernels.null_space import NONE, extend, null_basis, others, reduce
 from maira_qp.kernels.positive_part import make_positive
 from maira_qp.kernels.row_qp import solve_row_qp
@@ -19,8 +18,8 @@ from maira_qp.kernels.row_qp import solve_row_qp
 ROW_THRESHOLD = 1e-11
 """Pivots of tasks below this share of the longest row, or of the first pivot, count as zero."""
 
-HESSIAN_THRESHOLD = 1e-6
-"""The same for the Hessian of a level with an objective."""
+ESCAPE = 1e-3
+"""As in `maira_qp.problem.hierarchy`."""
 
 
 @inner_kernel
@@ -37,6 +36,8 @@ def solve_each_level(objectives, share, work):
         g[i] = share * c[0, i]
         for j in range(n):
             M[i, j] = H[0, i, j] + (mu[0] if i == j else 0.0)
+    if work.saddle[0] >= 0.0:
+        _descend_first(M, g, lower, upper, work)
     if not solve_box_qp(M, g, lower, upper, A, work.free, work.side, work.y, dq):
         return 0
     for i in range(n):
@@ -44,7 +45,7 @@ def solve_each_level(objectives, share, work):
         held[i] = not lower[i] < upper[i]
     count = others(held, joints)
     for level in range(1, len(objectives)):
-        rank = _add_rows(objectives, work, level - 1, joints[:count], rank)
+        rank = add_rows(work, level - 1, joints[:count], rank)
         k = count - rank
         if k == 0:
             return level
@@ -58,7 +59,10 @@ def solve_each_level(objectives, share, work):
         reduce(H[level], k, Z, work.y, M)
         for p in range(k):
             M[p, p] += mu[level]
-        make_positive(M, k, A, V)
+        if work.saddle[level] >= 0.0:
+            descend(M, b, k, Z, work.saddle[level], A, V, z)
+        else:
+            make_positive(M, k, A, V)
         solve_row_qp(M, b, k, Z, low, high, work.row_memory, work.row_index, z, part)
         for i in range(n):
             dq[i] += part[i]
@@ -67,16 +71,70 @@ def solve_each_level(objectives, share, work):
 
 
 @inner_kernel
-def _add_rows(objectives, work, level, joints, rank):
+def _descend_first(H, c, lower, upper, work):
+    """`descend` in the joints that can move, where others are locked at a displacement."""
+    n, joints, R, Z, b, A, V = len(c), work.joints, work.C, work.Z, work.b, work.A, work.V
+    k = 0
+    for i in range(n):
+        if lower[i] < upper[i]:
+            joints[k] = i
+            k += 1
+    for p in range(k):
+        i = joints[p]
+        b[p] = c[i]
+        for j in range(n):
+            Z[j, p] = 1.0 if i == j else 0.0
+            b[p] += 0.0 if lower[j] < upper[j] else H[i, j] * lower[j]
+        for r in range(k):
+            R[p, r] = H[i, joints[r]]
+    descend(R, b, k, Z, work.saddle[0], A, V, work.z)
+    for p in range(k):
+        i = joints[p]
+        c[i] = b[p]
+        for j in range(n):
+            c[i] -= 0.0 if lower[j] < upper[j] else H[i, j] * lower[j]
+        for r in range(k):
+            H[i, joints[r]] = R[p, r]
+
+
+@inner_kernel
+def descend(H, c, k, Z, saddle, A, V, x):
+    """H (k, k) made positive, and c (k,) given a pull out of saddle points, as `maira_qp.problem.hierarchy.descending`.
+
+    Work: A and V (k, k), x (k,).
+    """
+    if make_positive(H, k, A, V):
+        return
+    n = len(Z)
+    if k == 1:
+        A[0, 0], V[0, 0] = -H[0, 0], 1.0
+    for p in range(k):
+        value = A[p, p]
+        if value >= -saddle:
+            continue
+        slope, least = 0.0, -ESCAPE * value
+        for a in range(k):
+            slope += c[a] * V[p, a]
+        if abs(slope) >= least:
+            continue
+        side = -slope
+        if abs(slope) < 1e-9 * least:
+            side = 0.0
+            for i in range(n):
+                s = 0.0
+                for a in range(k):
+                    s += Z[i, a] * V[p, a]
+                side = s if abs(s) > abs(side) else side
+        pull = slope + math.copysign(least, side)
+        for a in range(k):
+            c[a] -= pull * V[p, a]
+
+
+@inner_kernel
+def add_rows(work, level, joints, rank):
     """Factor what the levels below this one must leave as it is: the rank so far. `joints` are those that move."""
-    F, H, rows, ends = work.F, work.H[level], work.rows, work.ends
+    F, rows, ends = work.F, work.rows, work.ends
     n, longest = len(joints), 0.0
-    if objectives[level, WEIGHT] != 0.0:
-        m = len(H)
-        for a in range(n):
-            for r in range(m):
-                F[a, rank + r] = H[joints[a], r]
-        return extend(F, n, rank, rank + m, HESSIAN_THRESHOLD, 0.0, work.tau, work.order)
     first = ends[level - 1] if level > 0 else 0
     m = ends[level] - first
     for r in range(m):

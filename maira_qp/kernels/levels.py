@@ -2,18 +2,21 @@
 
 A level holds tasks, or an objective that is a posture; the first, where it is the only one, both.
 
-The tasks (see `task_rows`) are in the order of their levels. `objectives` (L, 3 + 2 n): weight, 0 where the level has
-none, and gain; 1 where the level is damped; the reference and the weights of the posture.
+The tasks (see `task_rows`) are in the order of their levels. `objectives` (L, 2 + 2 n): weight, 0 where the level has
+none, and gain; the reference and the weights of the posture.
 """
 
 from __future__ import annotations
 
+import math
+
 from maira_qp.kernels.compilation import bare_kernel, inner_kernel
-from maira_qp.kernels.null_space import factor, null_vector
 from maira_qp.kernels.objective import objective_cost
-from maira_qp.kernels.pose_hessian import add_curvature
+from maira_qp.kernels.pose_hessian import add_curvature as add_pose_curvature
 from maira_qp.kernels.task_rows import (
     ABSENT,
+    AXIS_ALONG,
+    AXIS_AT,
     COEFFICIENTS,
     COUPLING,
     GAIN,
@@ -25,17 +28,22 @@ from maira_qp.kernels.task_rows import (
     STILL,
     TASK_DAMPING,
     WEIGHTS,
+    across_direction,
+    in_base,
     pose_bend,
     task_error,
     task_levers,
 )
 from maira_qp.kernels.tree import forward, path_jacobian, path_to, place
 
-ROW_SPACE = 1e-6
-"""As in `maira_qp.solvers.tick`."""
+NUDGE = 1e-5
+"""As in `maira_qp.problem.tasks.task`."""
+
+SADDLE, FLAT, STATIONARY, STEEP = 1e-3, 1e-5, 0.1, 1e-5
+"""As in `maira_qp.solvers.tick_models`."""
 
 # the columns of `objectives`
-WEIGHT, OBJECTIVE_GAIN, DAMPED, REFERENCE = 0, 1, 2, 3
+WEIGHT, OBJECTIVE_GAIN, REFERENCE = 0, 1, 2
 
 
 @inner_kernel
@@ -69,18 +77,19 @@ def _squared_error(task, e):
 
 @inner_kernel
 def level_model(tree, parents, tasks, places, objectives, level, work, q):
-    """The model of a level at q (n,), from the kinematics and errors in `work`, after those of the levels above.
+    """The rows of a level's tasks at q (n,), from the kinematics and errors in `work`, after those of the levels above.
 
-    The curvature of its tasks into work.H, of any definiteness, its pull into work.c, its gradient into work.g, and the
-    rows of its tasks into work.rows. Returns the squared error of the tasks, and the damping that they ask for.
+    Its pull into work.c, its gradient into work.g, the Hessian of its objective into work.H, the rows of its tasks into
+    work.rows and their errors into work.errors. Returns the damping that they ask for.
     """
     H, c, g, rows, ends, e = work.H[level], work.c[level], work.g, work.rows, work.ends, work.e
-    levers, pull = work.levers, work.pull
-    n, squared, asked, end = len(q), 0.0, 0.0, ends[level - 1] if level > 0 else 0
+    levers, errors = work.levers, work.errors
+    n, asked, end = len(q), 0.0, ends[level - 1] if level > 0 else 0
     weight, own = objectives[level, WEIGHT], objectives[level, REFERENCE:]
     for i in range(n):
         for j in range(n):
             H[i, j] = 0.0
+        H[i, i] = weight * own[n + i]
         g[i] = weight * own[n + i] * (q[i] - own[i])
         c[i] = objectives[level, OBJECTIVE_GAIN] * g[i]
     for t in range(len(tasks)):
@@ -89,6 +98,8 @@ def level_model(tree, parents, tasks, places, objectives, level, work, q):
         task, row, kind = tasks[t], end, places[t, KIND]
         if kind == STILL:
             end = _add_still_rows(task, rows, end)
+            for k in range(row, end):
+                errors[k] = 0.0
             continue
         if kind == COUPLING:
             end = _add_coupling_row(task, rows, end)
@@ -101,20 +112,33 @@ def level_model(tree, parents, tasks, places, objectives, level, work, q):
         for k in range(6):
             if task[WEIGHTS + k] > 0.0:
                 r = task[WEIGHTS + k] * e[t, k]
+                errors[row] = r
                 for i in range(n):
                     slope = r * rows[row, i]
                     g[i] -= slope
                     c[i] -= task[GAIN] * slope
                 row += 1
-        if kind == POSE:
-            for k in range(6):
-                pull[k] = -(task[WEIGHTS + k] ** 2) * e[t, k]
-            pose_bend(task, places[t], work.tools[t, 0], work.targets[t], True, pull, work.off, work.inverse, work.S)
-            _add_on_path(work.J[t], work.paths[t, : work.counts[t]], pull, work.S, work.C, H)
-        error = _squared_error(task, e[t])
-        squared, asked = squared + error, asked + task[TASK_DAMPING] * error
+        asked += task[TASK_DAMPING] * _squared_error(task, e[t])
     ends[level] = end
-    return squared, asked
+    return asked
+
+
+@inner_kernel
+def row_errors(tasks, places, level, ends, e, errors):
+    """The weighted errors of the rows of all levels above one, from those of the tasks e (T, 6); rows without stay."""
+    row = 0
+    for t in range(len(tasks)):
+        if places[t, LEVEL] >= level:
+            break
+        row = max(row, ends[places[t, LEVEL] - 1] if places[t, LEVEL] > 0 else 0)
+        if places[t, KIND] == STILL:
+            for i in range(tasks.shape[1] - COEFFICIENTS):
+                row += tasks[t, COEFFICIENTS + i] > 0.0
+            continue
+        for k in range(6):
+            if tasks[t, WEIGHTS + k] > 0.0:
+                errors[row] = tasks[t, WEIGHTS + k] * e[t, k]
+                row += 1
 
 
 @inner_kernel
@@ -168,24 +192,101 @@ def _add_still_rows(task, rows, end):
 
 
 @inner_kernel
-def add_curvature_above(tasks, places, level, work):
-    """How the rows above a level bend, times their multipliers, added to its curvature."""
-    pull, multipliers, row = work.pull, work.multipliers, 0
+def add_curvature(tree, parents, tasks, places, level, bends, work, q):
+    """Add to the Hessian of a level how the rows above bend, times work.weights, and, if it `bends`, its own tasks."""
+    pull, row = work.pull, 0
     for t in range(len(tasks)):
-        if places[t, LEVEL] >= level:
+        kind, own = places[t, KIND], places[t, LEVEL] == level
+        if places[t, LEVEL] > level or (own and not bends):
             break
-        if places[t, KIND] == STILL:
-            for i in range(len(work.H[level])):
+        row = max(row, work.ends[places[t, LEVEL] - 1] if places[t, LEVEL] > 0 else 0)
+        first, size, whole = row, 0.0, 0.0
+        if kind == STILL:
+            for i in range(len(q)):
                 row += tasks[t, COEFFICIENTS + i] > 0.0
             continue
         for k in range(6):
             weight = tasks[t, WEIGHTS + k]
-            pull[k] = weight * multipliers[row] if weight > 0.0 else 0.0
-            row += weight > 0.0
-        if places[t, KIND] == POSE:
+            pull[k] = 0.0
+            if weight > 0.0:
+                pull[k] = -weight * work.left[row] if own else weight * work.weights[row]
+                size += pull[k] ** 2 / weight**2
+                whole += work.errors[row] ** 2
+                row += 1
+        if kind == COUPLING or size == 0.0:
+            continue
+        if kind == POSE:
             tool, target = work.tools[t, 0], work.targets[t]
-            pose_bend(tasks[t], places[t], tool, target, False, pull, work.off, work.inverse, work.S)
+            pose_bend(tasks[t], places[t], tool, target, own, pull, work.off, work.inverse, work.S)
             _add_on_path(work.J[t], work.paths[t, : work.counts[t]], pull, work.S, work.C, work.H[level])
+        elif not own or whole > 0.0:
+            share = math.sqrt(size / whole) if own else 1.0
+            _add_differences(tree, parents, t, tasks[t], places[t], own, share, first, row, work, q, level)
+
+
+@inner_kernel
+def _add_differences(tree, parents, t, task, place_of_task, own, share, first, end, work, q, level):
+    """The same for a task whose rows are known to first order alone, by central differences.
+
+    Its `own`: of the gradient of its cost, beside Gauss-Newton's part, times a share.
+    """
+    n, H, C, near, gradient = len(q), work.H[level], work.C, work.part, work.z
+    pull, tool, target = work.pull, work.tools[t, 0], work.targets[t]
+    if not own:
+        for k in range(6):
+            pull[k] = pull[k] / task[WEIGHTS + k] if task[WEIGHTS + k] > 0.0 else 0.0
+        if place_of_task[KIND] in (AXIS_ALONG, AXIS_AT):
+            in_base(task, place_of_task, tool, target, pull)
+    for i in range(n):
+        near[i] = q[i]
+    for i in range(n):
+        for j in range(n):
+            C[i, j] = 0.0
+        for side in range(2):
+            step = NUDGE if side == 0 else -NUDGE
+            near[i] = q[i] + step
+            _slope_at(tree, parents, task, place_of_task, target, own, work, near, gradient)
+            for j in range(n):
+                C[i, j] += gradient[j] / (2.0 * step)
+        near[i] = q[i]
+    for i in range(n):
+        for j in range(n):
+            s = 0.5 * (C[i, j] + C[j, i])
+            if own:
+                for k in range(first, end):
+                    s -= work.rows[k, i] * work.rows[k, j]
+            H[i, j] += share * s
+
+
+@inner_kernel
+def _slope_at(tree, parents, task, place_of_task, target, own, work, q, gradient):
+    """The gradient (n,) of a task's cost at q (n,), or of its rows times work.pull."""
+    poses, tools, rows, J, e = work.near_poses, work.near_tools, work.near_rows, work.near_J, work.off
+    forward(tree, parents, q, poses)
+    for f in range(3):
+        joint = place_of_task[JOINTS + f]
+        if joint == ABSENT:
+            break
+        place(poses, joint, task[PLACEMENTS + 12 * f :], tools[f])
+    task_levers(task, place_of_task, tools, target, e, work.levers)
+    _add_rows(tree, parents, poses, task, place_of_task, tools, work.levers, work.joints, J, rows, 0)
+    if own:
+        task_error(task, place_of_task, tools, target, q, e)
+        for k in range(6):
+            e[k] *= -task[WEIGHTS + k]
+    else:
+        for k in range(6):
+            e[k] = work.pull[k]
+        if place_of_task[KIND] in (AXIS_ALONG, AXIS_AT):
+            across_direction(task, place_of_task, tools[0], target, e)
+    for i in range(len(q)):
+        gradient[i] = 0.0
+    row = 0
+    for k in range(6):
+        if task[WEIGHTS + k] > 0.0:
+            for i in range(len(q)):
+                gradient[i] += e[k] * rows[row, i]
+            row += 1
 
 
 @bare_kernel
@@ -199,58 +300,34 @@ def _add_on_path(J, path, pull, S, C, H):
         for i in range(j + 1):
             C[i, j] = J[i, 3] * x + J[i, 4] * y + J[i, 5] * z
             C[j, i] = C[i, j]
-    add_curvature(J[:count], pull, C)
+    add_pose_curvature(J[:count], pull, C)
     for a in range(count):
         for b in range(count):
             H[path[a], path[b]] += C[a, b]
 
 
 @inner_kernel
-def finish_hessian(objectives, level, work):
-    """The Hessian of a level from its curvature in work.H: that kept to what its tasks feel, and Gauss-Newton's part.
-
-    As `_bent_along_rows` in `maira_qp.solvers.tick`.
-    """
+def add_gauss_newton(level, work):
+    """Add Gauss-Newton's part to the Hessian of a level."""
     H, rows = work.H[level], work.rows[work.ends[level - 1] if level > 0 else 0 : work.ends[level]]
-    n, weight, own = len(H), objectives[level, WEIGHT], objectives[level, REFERENCE:]
-    if len(rows) > 0:
-        _leave_out_self_motion(H, rows, work.F, work.tau, work.order, work.z, work.y)
-    for i in range(n):
+    for i in range(len(H)):
         for j in range(i + 1):
             s = H[i, j]
             for k in range(len(rows)):
                 s += rows[k, i] * rows[k, j]
             H[i, j], H[j, i] = s, s
-        H[i, i] += weight * own[n + i]
 
 
 @inner_kernel
-def _leave_out_self_motion(H, rows, F, tau, order, z, Hz):
-    """Take out of H (n, n) what bends along the null space of the rows (m, n). Work: F, tau, order, z and Hz (n,)."""
-    n, m = len(H), len(rows)
-    for i in range(n):
-        for k in range(m):
-            F[i, k] = rows[k, i]
-    rank = factor(F, n, m, ROW_SPACE, tau, order)
-    for a in range(n - rank):
-        null_vector(F, n, rank, tau, a, z)
-        whole = 0.0
-        for i in range(n):
-            s = 0.0
-            for j in range(n):
-                s += H[i, j] * z[j]
-            Hz[i] = s
-            whole += s * z[i]
-        for i in range(n):
-            for j in range(n):
-                H[i, j] += whole * z[i] * z[j] - z[i] * Hz[j] - Hz[i] * z[j]
-
-
-@bare_kernel
-def level_damping(H, squared, asked, damping, least_damping):
-    """The damping mu of a level with the Hessian H (n, n)."""
-    largest = 0.0
+def finish_model(level, bends, asked, damping, least_damping, work):
+    """The damping of a level with its Hessian in work.H, and below which curvature it leaves a saddle point."""
+    H, largest, left = work.H[level], 0.0, work.left_norms[level]
     for i in range(len(H)):
         for j in range(len(H)):
             largest = max(largest, abs(H[i, j]))
-    return damping * min(squared, 1.0) + least_damping * largest + asked
+    steep = left * work.gradients[level] / math.sqrt(largest) if largest > 0.0 else 0.0
+    mu = damping * min(max(steep, STEEP * left * left), left * left, 1.0)
+    work.mu[level] = mu + least_damping * largest + asked
+    stationary = steep <= STATIONARY * left * left
+    work.saddle[level] = (SADDLE * left * math.sqrt(largest) if stationary else math.inf) if bends else -1.0
+    work.flat[level] = FLAT * left * math.sqrt(largest)

@@ -118,6 +118,23 @@ def _across(d):
 
 
 @bare_kernel
+def in_base(task, place, tool, target, pull):
+    """What pulls the two rows of a direction, pull[3:5], as a vector in base axes, pull[:3]."""
+    first, second = _across(_direction(task, place[KIND], tool, target)[0])
+    u, v = pull[3], pull[4]
+    for k in range(3):
+        pull[k] = u * first[k] + v * second[k]
+
+
+@bare_kernel
+def across_direction(task, place, tool, target, pull):
+    """The part of a vector in base axes, pull[:3], for the two rows of a direction, pull[3:5]."""
+    first, second = _across(_direction(task, place[KIND], tool, target)[0])
+    vector = pull[0], pull[1], pull[2]
+    pull[3], pull[4] = dot(vector, first), dot(vector, second)
+
+
+@bare_kernel
 def seen_from(reference, pose, seen):
     """The pose `reference^-1 pose` into seen (12,)."""
     for k in range(3):
@@ -189,7 +206,8 @@ def pose_bend(task, place, tool, target, of_cost, pull, e, inverse, S):
     pose_error(tool, target, e)
     phi, u = (e[3], e[4], e[5]), (pull[3], pull[4], pull[5])
     if even:
-        bend_of_even_cost(phi, task[WEIGHTS + 3], S)
+        square = max(task[WEIGHTS + 3] * task[WEIGHTS + 3], 1e-300)
+        bend_of_even_cost((-u[0] / square, -u[1] / square, -u[2] / square), task[WEIGHTS + 3], S)
         return
     inverse_right_jacobian(phi, inverse)
     bend_of_logarithm(phi, u, inverse, S)

@@ -10,36 +10,45 @@ from maira_qp.kernels.compilation import bare_kernel, inner_kernel
 from maira_qp.kernels.descent import squares
 from maira_qp.kernels.hierarchy import solve_each_level
 from maira_qp.kernels.levels import (
-    DAMPED,
-    add_curvature_above,
-    finish_hessian,
+    WEIGHT,
+    add_curvature,
+    add_gauss_newton,
+    finish_model,
     level_costs,
-    level_damping,
     level_model,
+    row_errors,
 )
-from maira_qp.kernels.multipliers import find_multipliers
-from maira_qp.kernels.positive_part import make_positive
+from maira_qp.kernels.residual import add_bent_directions, find_residual
 from maira_qp.kernels.rigid import FINE, pose_row
 from maira_qp.kernels.search import FARTHEST_START
-from maira_qp.kernels.task_rows import OWN, SOURCE, TARGET
+from maira_qp.kernels.task_rows import LEVEL, OWN, SOURCE, TARGET
 from maira_qp.kernels.tick_memory import make_work
 from maira_qp.kernels.tree import VELOCITY
 
 BAD_CONFIGURATION, TOO_FAR = -1, -2
 
+ARMIJO, ROUNDING, AT_REST = 0.05, 1e-14, 1e-6
+"""As in `maira_qp.solvers.tick`."""
+
+ARRIVED, MOVING, NEAREST, STUCK = 0.0, 1.0, 2.0, 3.0
+"""As `maira_qp.StepStatus`."""
+
 # the entries of `numbers`
-DAMPING, LEAST_DAMPING, SMALL_ERROR, HALVINGS, WITHIN, FARTHEST, FEASIBILITY, IS_SLOW = 0, 1, 2, 3, 4, 5, 6, 7
-FIRST, ROWS = 8, 9
-"""How many tasks are of the first priority, and how many rows all tasks have"""
+DAMPING, LEAST_DAMPING, HALVINGS, WITHIN, FARTHEST, FEASIBILITY, IS_SLOW = 0, 1, 2, 3, 4, 5, 6
+FIRST, ROWS = 7, 8
+"""How many tasks are of the first priority, and how many rows all tasks can have, with those in which levels bend"""
+POSITION_LOSS, ORIENTATION_LOSS, POSITION_WITHIN, ORIENTATION_WITHIN, STATIONARITY = 9, 10, 11, 12, 13
 
 
 @bare_kernel
 def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, memory, index, out):
     """A tick of dt [s] from q (n,) at a velocity (n,) toward the targets T (4 K, 4) of the call.
 
-    `out` (2 n + 2,) becomes the configuration after it, the velocity that leads to it, and what is left of the errors
-    of position and orientation. Returns what is wrong with a target, see `rigid`, `TOO_FAR`, or `BAD_CONFIGURATION`;
-    then nothing is done. See `levels` and `tree` for the problem; memory and index are as long as `memory_sizes` says.
+    `out` (2 n + 3,) becomes the configuration after it, the velocity that leads to it, what is left of the errors of
+    position and orientation, and the status. Returns what is wrong with a target, see `rigid`, `TOO_FAR`, or
+    `BAD_CONFIGURATION`; then nothing is done.
+
+    See `levels` and `tree` for the problem; memory and index are as long as `memory_sizes` says.
     """
     n = len(q)
     work = make_work(n, len(tasks), int(numbers[ROWS]), len(objectives), memory, index)
@@ -49,24 +58,16 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
     fault = _read_targets(tasks, places, numbers, T, work.targets)
     if fault != FINE:
         return fault
-    lower, upper, step, trial, held = work.lower, work.upper, work.step, work.trial, work.held
-    F, tau, order, joints, A, V = work.F, work.tau, work.order, work.joints, work.A, work.V
-    bounds_of_tick(tree, q, velocity, dt, lower, upper)
-    for i in range(n):
-        held[i] = lower[i] >= 0.0 or upper[i] <= 0.0
+    lower, upper, step, trial = work.lower, work.upper, work.step, work.trial
     level_costs(tree, parents, tasks, places, objectives, work, q, work.values)
     for level in range(len(objectives)):
-        H = work.H[level]
-        squared, asked = level_model(tree, parents, tasks, places, objectives, level, work, q)
-        if level > 0:
-            above = work.rows[: work.ends[level - 1]]
-            find_multipliers(above, work.g, held, F, tau, order, joints, work.x, work.M, A, V, work.multipliers)
-            add_curvature_above(tasks, places, level, work)
-        finish_hessian(objectives, level, work)
-        if level == 0:
-            make_positive(H, n, A, V)
-        mu = level_damping(H, squared, asked, numbers[DAMPING], numbers[LEAST_DAMPING])
-        work.mu[level] = mu if objectives[level, DAMPED] != 0.0 else 0.0
+        asked = level_model(tree, parents, tasks, places, objectives, level, work, q)
+        bends = find_residual(tree, objectives, level, work, q, dt)
+        add_curvature(tree, parents, tasks, places, level, bends, work, q)
+        add_gauss_newton(level, work)
+        finish_model(level, bends, asked, numbers[DAMPING], numbers[LEAST_DAMPING], work)
+        if level + 1 < len(objectives) and (bends or objectives[level, WEIGHT] != 0.0):
+            add_bent_directions(tree, objectives, level, work)
     share, solved = 1.0, len(objectives)
     for timeless in range(int(numbers[IS_SLOW]), -1, -1):
         if timeless > 0:
@@ -89,6 +90,7 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
         out[n + i] = min(max(move / dt, -reach), reach)
     level_costs(tree, parents, tasks, places, objectives, work, ahead, work.values)
     _report(work.e[: int(numbers[FIRST])], out[2 * n :])
+    out[2 * n + 2] = _status(tree, places, numbers, work, solved, dt, out[n : 2 * n])
     return FINE
 
 
@@ -112,37 +114,100 @@ def _read_targets(tasks, places, numbers, T, targets):
 
 @inner_kernel
 def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q, solved):
-    """Add to the `step` what each level adds, halved until the true costs, `values` those of now, allow it."""
-    displacements, values, trial_values, highest = work.displacements, work.values, work.trial_values, work.highest
+    """Add to the `step` what each level adds, shortened until the true costs, `values` those of now, allow it."""
+    displacements, values, trial_values, kept = work.displacements, work.values, work.trial_values, work.kept
     lower, upper, step, part, trial, solved_above = work.lower, work.upper, work.step, work.part, work.trial, work.dq
-    n, slack, small = len(q), numbers[FEASIBILITY], 0.5 * numbers[SMALL_ERROR] ** 2
+    n, slack, errors = len(q), numbers[FEASIBILITY], work.errors
     for i in range(n):
         solved_above[i] = step[i]
     for level in range(solved):
-        before = values[level]
-        highest[level] = before + 1e-9 * (1.0 + abs(before)) if level > 0 else before
+        before, slope = values[level], 0.0
+        H, c, mu, multipliers = work.H[level], work.c[level], work.mu[level], work.balances[level]
+        rows = work.ends[level - 1] if level > 0 else 0
+        for k in range(rows):
+            errors[k], work.errors_there[k] = 0.0, 0.0
+        row_errors(tasks, places, level, work.ends, work.e, work.errors_there)
         for i in range(n):
+            s = c[i] + mu * solved_above[i]
+            for j in range(n):
+                s += H[i, j] * solved_above[j]
             part[i] = displacements[level, i] - solved_above[i]
+            slope += s * part[i]
+        for i in range(n):
             solved_above[i] = displacements[level, i]
+        share, most, slope, done = 1.0, before + ROUNDING * (1.0 + abs(before)), ARMIJO * min(slope, 0.0), False
         for _ in range(int(numbers[HALVINGS])):
-            allowed = True
+            inside, shrink = True, 0.5
             for i in range(n):
-                move = step[i] + part[i]
+                move = step[i] + share * part[i]
                 trial[i] = q[i] + move
-                allowed = allowed and lower[i] - slack <= move <= upper[i] + slack
-            if allowed:
+                inside = inside and lower[i] - slack <= move <= upper[i] + slack
+            if inside:
                 level_costs(tree, parents, tasks, places, objectives, work, trial, trial_values)
-                for k in range(level + 1):
-                    allowed = allowed and trial_values[k] <= highest[k]
-            if allowed:
-                for i in range(n):
-                    step[i] += part[i]
-                for k in range(len(values)):
-                    values[k] = trial_values[k]
-                break
+                loss = _loss(tasks, places, objectives, numbers, level, work)
+                merit = trial_values[level]
+                row_errors(tasks, places, level, work.ends, work.e, errors)
+                for k in range(rows):
+                    merit -= multipliers[k] * (errors[k] - work.errors_there[k])
+                if loss <= 1.0 and merit <= most + share * slope:
+                    done = True
+                    break
+                if loss > 1.0:
+                    shrink = max(0.1, min(0.9 / math.sqrt(loss), 0.8))
+            share *= shrink
+        if done:
             for i in range(n):
-                part[i] *= 0.5
-        highest[level] = max(0.5 * (before + values[level]), small)
+                step[i] += share * part[i]
+            for k in range(len(values)):
+                values[k] = trial_values[k]
+        elif level + 1 < solved:
+            for i in range(n):
+                trial[i] = q[i] + step[i]
+            level_costs(tree, parents, tasks, places, objectives, work, trial, values)
+        for t in range(len(tasks)):
+            if places[t, LEVEL] == level:
+                position, orientation = squares(work.e[t])
+                kept[t, 0], kept[t, 1] = math.sqrt(position), math.sqrt(orientation)
+        work.highest[level] = values[level]
+
+
+@inner_kernel
+def _loss(tasks, places, objectives, numbers, level, work):
+    """What the levels above one lose, the largest share of what they may."""
+    loss, e, kept = -1.0, work.e, work.kept
+    for t in range(len(tasks)):
+        if places[t, LEVEL] >= level:
+            break
+        position, orientation = squares(e[t])
+        loss = max(loss, (math.sqrt(position) - kept[t, 0]) / numbers[POSITION_LOSS])
+        loss = max(loss, (math.sqrt(orientation) - kept[t, 1]) / numbers[ORIENTATION_LOSS])
+    for k in range(level):
+        if objectives[k, WEIGHT] != 0.0:
+            loss = max(loss, (work.trial_values[k] - work.highest[k]) / (0.5 * numbers[ORIENTATION_LOSS] ** 2))
+    return loss
+
+
+@inner_kernel
+def _status(tree, places, numbers, work, solved, dt, velocity):
+    """What the arm is doing after a tick, from the errors in work.e and what the QPs asked for."""
+    arrived, moving, wanted, slope = True, False, solved == 0, 0.0
+    for error in work.e[: len(places)]:
+        position, orientation = squares(error)
+        arrived = arrived and position <= numbers[POSITION_WITHIN] ** 2
+        arrived = arrived and orientation <= numbers[ORIENTATION_WITHIN] ** 2
+    if arrived:
+        return ARRIVED
+    for i in range(len(velocity)):
+        slow = AT_REST * (tree[i, VELOCITY] if tree[i, VELOCITY] < math.inf else 1.0)
+        moving = moving or abs(velocity[i]) > slow
+        wanted = wanted or abs(work.displacements[solved - 1, i]) > slow * dt
+    if moving:
+        return MOVING
+    if wanted:
+        return STUCK
+    for t in range(len(places)):
+        slope = max(slope, work.gradients[places[t, LEVEL]])
+    return NEAREST if slope <= numbers[STATIONARITY] else MOVING
 
 
 @bare_kernel

@@ -19,6 +19,15 @@ TickWork = namedtuple(
         *("mu", "values", "trial_values", "highest"),  # by level
         *("paths", "row_index"),  # lines of n, of int64: the joints that carry a task; of a QP
         *("free", "side", "held", "locked", "joints"),  # (n,) of int64
+        *("gram", "factor"),  # (m, m) of the rows of all levels
+        *("balances", "errors", "errors_there", "left", "weights"),  # lines of m: by level, and others
+        *(
+            "near_poses",
+            "near_tools",
+            "near_rows",
+            "near_J",
+        ),  # (n, 12), (3, 12), (6, n), (n, 6) near q
+        *("kept", "saddle", "gradients", "left_norms", "flat"),  # (T, 2) of errors by task; by level
         *("order", "counts", "ends"),  # of int64: of factored rows; how long a task's path is; where a level's rows end
     ),
 )
@@ -30,7 +39,8 @@ def memory_sizes(n, tasks, rows, levels):
     most = max(rows, n)
     lines = 2 * levels + rows + 4 * n + 4 + 12
     floats = 12 * (n + 4 * tasks) + 6 * (tasks + 20 + tasks * n) + 18 + (levels + 5) * n * n + lines * n
-    floats += (most + 3) * (most + n) + 4 * levels
+    floats += (most + 3) * (most + n) + 8 * levels
+    floats += 2 * rows * rows + (levels + 4) * rows + 24 * n + 36 + 2 * tasks
     return floats, (tasks + 8) * n + most + n + tasks + levels
 
 
@@ -49,6 +59,12 @@ def make_work(n, tasks, rows, levels, memory, index):
     squares, lines = memory[c:d].reshape(-1, n, n), memory[d:e].reshape(-1, n)
     wides, by_level, whole = memory[e:f].reshape(-1, wide), memory[f:], index[: (tasks + 8) * n].reshape(-1, n)
     rest, single = index[(tasks + 8) * n :], lines[2 * levels + rows + 4 * n + 4 :]
+    g = f + 8 * levels
+    h = g + 2 * rows * rows
+    i = h + (levels + 4) * rows
+    j = i + 24 * n + 36
+    grams, by_row = memory[g:h].reshape(2, rows, rows), memory[h:i].reshape(levels + 4, rows)
+    near = memory[i:j]
     return TickWork(
         poses[:n],
         poses[n : n + 3 * tasks].reshape(tasks, 3, 12),
@@ -89,7 +105,7 @@ def make_work(n, tasks, rows, levels, memory, index):
         by_level[:levels],
         by_level[levels : 2 * levels],
         by_level[2 * levels : 3 * levels],
-        by_level[3 * levels :],
+        by_level[3 * levels : 4 * levels],
         whole[:tasks],
         whole[tasks : tasks + 3],
         whole[tasks + 3],
@@ -97,6 +113,22 @@ def make_work(n, tasks, rows, levels, memory, index):
         whole[tasks + 5],
         whole[tasks + 6],
         whole[tasks + 7],
+        grams[0],
+        grams[1],
+        by_row[:levels],
+        by_row[levels],
+        by_row[levels + 1],
+        by_row[levels + 2],
+        by_row[levels + 3],
+        near[: 12 * n].reshape(n, 12),
+        near[12 * n : 12 * n + 36].reshape(3, 12),
+        near[12 * n + 36 : 18 * n + 36].reshape(6, n),
+        near[18 * n + 36 :].reshape(n, 6),
+        memory[j:].reshape(tasks, 2),
+        by_level[4 * levels : 5 * levels],
+        by_level[5 * levels : 6 * levels],
+        by_level[6 * levels : 7 * levels],
+        by_level[7 * levels : 8 * levels],
         rest[:wide],
         rest[wide : wide + tasks],
         rest[wide + tasks :],

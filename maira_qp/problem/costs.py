@@ -161,7 +161,11 @@ class LevelObjective(Objective):
 
     def hessian(self, at: Configuration) -> np.ndarray:
         """Hessian (n, n) of the sum."""
-        H = ExactTaskCost(self.tasks).hessian(at)
+        return ExactTaskCost(self.tasks).hessian(at) + self.objective_hessian(at)
+
+    def objective_hessian(self, at: Configuration) -> np.ndarray:
+        """Hessian (n, n) of the objectives alone."""
+        H = np.zeros((at.n, at.n))
         return sum((each.weight * each.objective.hessian(at) for each in self.objectives), H)
 
     def without_wishes(self) -> LevelObjective:

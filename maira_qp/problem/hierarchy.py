@@ -16,6 +16,7 @@ Mansard and Wieber, "Hierarchical quadratic programming", 2014, section 3.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -51,6 +52,9 @@ class Level:
     """G (k, n) and h (k,) of `G dq <= h`, kept as well as the levels above allow: the level adds `1/2 |s|^2` for the
     least s >= 0 with `G dq <= h + s`, and the levels below keep what it reached"""
 
+    saddle: float | None = None
+    """Curvature below minus this is left by a step of `ESCAPE` at least; None: no step has a least size"""
+
     def damped(self, mu: float) -> Level:
         """The same with `1/2 mu |dq|^2` added (Levenberg-Marquardt)."""
         return replace(self, H=self.H + mu * np.eye(len(self.c)))
@@ -75,14 +79,16 @@ def build_first(level: Level, bounds: Bounds) -> Subproblem:
     if not free.all():
         c, h = (c + H @ start)[free], h - bounds.G @ start
         H = H[np.ix_(free, free)]
+    if level.saddle is not None:
+        H, c = descending(H, c, Z, level.saddle)
     qp = QP(H, c, bounds.lower[free], bounds.upper[free], bounds.G[:, free], h)
     return _with_slack(Subproblem(qp, start, Z), level)
 
 
 def build_next(level: Level, bounds: Bounds, start: np.ndarray, Z: np.ndarray) -> Subproblem:
     """A lower level: a QP in the few z, from the `start` (n,) of the level above, with every limit as a row."""
-    H = positive_part(Z.T @ level.H @ Z)
-    c = Z.T @ (level.c + level.H @ start)
+    H, c = Z.T @ level.H @ Z, Z.T @ (level.c + level.H @ start)
+    H, c = (positive_part(H), c) if level.saddle is None else descending(H, c, Z, level.saddle)
     rows = np.vstack([Z, -Z, bounds.G @ Z])
     room = _room(bounds, start)
     felt = np.isfinite(room) & (rows != 0).any(axis=1)
@@ -204,6 +210,27 @@ def positive_part(H: np.ndarray) -> np.ndarray:
     values, V = np.linalg.eigh(H)
     sizes = np.abs(values)
     return (V * np.maximum(sizes, max(1e-9 * sizes.max(), 1e-12))) @ V.T
+
+
+ESCAPE = 1e-3
+"""The least step along a direction of negative curvature [rad or m]."""
+
+
+def descending(H: np.ndarray, c: np.ndarray, Z: np.ndarray, saddle: float) -> tuple[np.ndarray, np.ndarray]:
+    """H (k, k) with its eigenvalues replaced by their sizes, c (k,) with a pull out of saddle points.
+
+    Along an eigenvector v of an eigenvalue below -saddle the step of the model is `ESCAPE` at least: where the gradient
+    does not tell a side, that on which the largest entry of Z v (n,) is positive.
+    """
+    values, V = np.linalg.eigh(H)
+    for value, v in zip(values, V.T, strict=True):
+        if value < -saddle:
+            way, least = Z @ v, ESCAPE * -value
+            slope = float(c @ v)
+            side = way[np.abs(way).argmax()] if abs(slope) < 1e-9 * least else -slope
+            if abs(slope) < least:
+                c = c - (slope + math.copysign(least, side)) * v
+    return positive_part(H), c
 
 
 def _solve_in_null_space(qp: QP, backend: Backend) -> np.ndarray:

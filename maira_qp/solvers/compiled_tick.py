@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.arrays import is_native
-from maira_qp.kernels.levels import DAMPED, OBJECTIVE_GAIN, REFERENCE, WEIGHT
+from maira_qp.kernels.levels import OBJECTIVE_GAIN, REFERENCE, WEIGHT
 from maira_qp.kernels.rigid import FINE
 from maira_qp.kernels.tick import tick
 from maira_qp.kernels.tick_memory import memory_sizes
@@ -30,11 +30,14 @@ from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.kinematic_tree import KinematicTree
 from maira_qp.robots.robot import Robot
-from maira_qp.solvers.descent import LEAST_DAMPING
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.priorities import FARTHEST, Priorities
+from maira_qp.solvers.solution import StepStatus
 from maira_qp.solvers.task_arrays import known, task_arrays
-from maira_qp.solvers.tick import HALVINGS, SMALL_ERROR, split_equalities
+from maira_qp.solvers.tick import HALVINGS, split_equalities
+from maira_qp.solvers.tick_models import LEAST_DAMPING
+
+Ticked = tuple[np.ndarray, np.ndarray, float, float, StepStatus]
 
 
 @dataclass(frozen=True)
@@ -55,9 +58,9 @@ class CompiledTick:
     places: np.ndarray
     """(T, 7)"""
     objectives: np.ndarray
-    """(L, 3 + 2 n)"""
+    """(L, 2 + 2 n)"""
     numbers: np.ndarray
-    """(10,)"""
+    """(14,)"""
     still: np.ndarray
     """(n,) no velocity"""
     sizes: tuple[int, int]
@@ -71,7 +74,7 @@ class CompiledTick:
             return None
         tree = KinematicTree.of(robot)
         each = [task_arrays(tree, priorities.frames, task, k) for k, level in enumerate(levels) for task in level.tasks]
-        rows = sum(count for _, _, count in each)
+        rows = sum(count for _, _, count in each) + robot.n * (len(levels) - 1)
         return CompiledTick(
             n=robot.n,
             frames=priorities.frames,
@@ -85,7 +88,6 @@ class CompiledTick:
                 [
                     options.damping,
                     LEAST_DAMPING,
-                    SMALL_ERROR,
                     HALVINGS,
                     ORTHONORMAL_WITHIN,
                     FARTHEST * robot.length,
@@ -93,14 +95,19 @@ class CompiledTick:
                     np.isfinite(robot.acceleration_limit).any(),
                     len(priorities.first),
                     rows,
+                    options.level_position_tolerance,
+                    options.level_orientation_tolerance,
+                    options.position_tolerance,
+                    options.orientation_tolerance,
+                    options.stationarity_tolerance,
                 ]
             ),
             still=np.zeros(robot.n),
             sizes=memory_sizes(robot.n, len(each), rows, len(levels)),
         )
 
-    def tick(self, target: Any, q: Any, dt: float, velocity: Any) -> tuple[np.ndarray, np.ndarray, float, float] | None:
-        """q (n,), velocity (n,), errors [m] and [rad] after a tick of dt [s].
+    def tick(self, target: Any, q: Any, dt: float, velocity: Any) -> Ticked | None:
+        """q (n,), velocity (n,), errors [m] and [rad], and status after a tick of dt [s].
 
         None for what is no target, configuration or velocity, or none that the kernel takes.
         """
@@ -110,7 +117,7 @@ class CompiledTick:
         if T is None or not is_native(q, (n,)) or not is_native(velocity, (n,)):
             return None
         floats, integers = self.sizes
-        out = np.empty(2 * n + 2)
+        out = np.empty(2 * n + 3)
         fault = tick(
             self.tree,
             self.parents,
@@ -126,7 +133,9 @@ class CompiledTick:
             np.empty(integers, np.int64),
             out,
         )
-        return (out[:n], out[n:-2], float(out[-2]), float(out[-1])) if fault == FINE else None
+        if fault != FINE:
+            return None
+        return out[:n], out[n:-3], float(out[-3]), float(out[-2]), StepStatus(int(out[-1]))
 
     def _poses(self, target: Any) -> np.ndarray | None:
         """The targets of a call below each other (4 K, 4), unchecked; None for what is none."""
@@ -159,7 +168,6 @@ class _Level:
     posture: Posture | None = None
     weight: float = 1.0
     gain: float = 1.0
-    damped: bool = True
 
 
 def _levels(priorities: Priorities) -> list[_Level] | None:
@@ -173,7 +181,7 @@ def _levels(priorities: Priorities) -> list[_Level] | None:
     if weighted and not soft and levels[0] is not None:
         posture = _posture(weighted[0].objective)
         levels[0] = None if posture is None else replace(levels[0], posture=posture, weight=weighted[0].weight)
-    levels += [None if posture is None else _Level(posture=posture, damped=False) for posture in map(_posture, strict)]
+    levels += [None if posture is None else _Level(posture=posture) for posture in map(_posture, strict)]
     taken = [level for level in levels if level is not None]
     return taken if len(taken) == len(levels) else None
 
@@ -196,9 +204,9 @@ def _posture(objective: Objective) -> Posture | None:
 
 
 def _objective_row(robot: Robot, level: _Level) -> np.ndarray:
-    """A level's row (3 + 2 n,) of `kernels.levels`."""
+    """A level's row (2 + 2 n,) of `kernels.levels`."""
     row = np.zeros(REFERENCE + 2 * robot.n)
-    row[DAMPED], row[OBJECTIVE_GAIN] = level.damped, level.gain
+    row[OBJECTIVE_GAIN] = level.gain
     if level.posture is not None:
         row[WEIGHT] = level.weight
         row[REFERENCE:] = np.concatenate([level.posture.q_ref, level.posture.weights])

@@ -32,6 +32,10 @@ class Options:
     """A random start is the best of so many configurations by their pose error; >= 1."""
     deadline: float | None = None
     """Return the best so far after this time [s]; None: no limit; > 0."""
+    level_position_tolerance: float = 1e-5
+    """A control tick's lower levels add at most this much to |p_d - p| of any task above them; > 0 [m]."""
+    level_orientation_tolerance: float = 1e-5
+    """The same for the angle between orientations, and for errors of other kinds; > 0 [rad]."""
     damping: float = 0.1
     """Levenberg-Marquardt damping mu = damping |W e|^2, before its adaptation; > 0."""
     stall_steps: int = 3

@@ -501,6 +501,23 @@ class BatchSolution(_OfRobot):
         return (self[i] for i in range(len(self)))
 
 
+class StepStatus(IntEnum):
+    """What the arm is doing in a control tick: `Step.status`.
+
+    A joint is at rest if its speed is at most 1e-6 of its limit (of 1 rad/s or 1 m/s where that is infinite).
+    """
+
+    ARRIVED = 0
+    """Every task, of every level, is within `position_tolerance` and `orientation_tolerance` of `Options` after it"""
+    MOVING = 1
+    """Not arrived, and on the way: some joint is not at rest, or gains and damping let a gradient fall slowly"""
+    NEAREST = 2
+    """At rest, where nothing near by is nearer, in the order of the levels: no task's gradient that limits and levels
+    above leave free is larger than `Options.stationarity_tolerance`, and no level is at a saddle point"""
+    STUCK = 3
+    """At rest though the QPs ask for motion: a QP failed, or no share of the motion that they ask for was safe"""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Step(_OfSetting):
     """One control tick."""
@@ -513,6 +530,8 @@ class Step(_OfSetting):
     """|p_d - p| [m] after the tick"""
     orientation_error: float
     """Angle between the orientations [rad] after the tick"""
+    status: StepStatus
+    """What the arm is doing"""
     backend: str
     """Which engine made it: "compiled", or the name of the QP backend in the general engine"""
     _setting: Setting | None = field(repr=False)

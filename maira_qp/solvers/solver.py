@@ -420,17 +420,17 @@ class Solver(Shown):
             return step
         cost, wish = self._priorities.costs(targets)
         at, now = self.robot.at(q), Tick(float(dt), now)
-        q_next, speed = tick(cost, wish, at, self._setting, now, deadline, bool(keep_direction))
+        q_next, speed, status = tick(cost, wish, at, self._setting, now, deadline, bool(keep_direction))
         position, orientation = residual(cost, self.robot.at(q_next))
-        return Step(speed, q_next, position, orientation, self._setting.backend.name, self._setting)
+        return Step(speed, q_next, position, orientation, status, self._setting.backend.name, self._setting)
 
     def _compiled_step(self, q: Any, target: Any, dt: float, velocity: Any) -> Step | None:
         """A tick by the kernel; None if it does not take this, or other limits than those of the joints bind."""
         done = None if self._compiled_tick is None else self._compiled_tick.tick(target, q, dt, velocity)
         if done is None or not keeps_further_limits(self._setting, q, done[0], dt, velocity):
             return None
-        ahead, speed, position, orientation = done
-        return Step(speed, ahead, position, orientation, "compiled", self._setting)
+        ahead, speed, position, orientation, status = done
+        return Step(speed, ahead, position, orientation, status, "compiled", self._setting)
 
     def _start(self, q0: Any) -> np.ndarray | None:
         return None if q0 is None else real_array(q0, (self.robot.n,), "q0", ConfigurationError)

@@ -1,10 +1,16 @@
 """One control tick: the hierarchy's QPs at the configuration of now, with limits on position, speed and acceleration.
 
-The levels are Newton's models of the true costs, which near the target are those of Gauss-Newton, and where the target
-cannot be reached still come to rest; the curvature counts where the tasks feel a motion, not along a self-motion. What
-each level adds is halved until it is safe: until its own true cost does not rise, no level above loses more than half
-of what it has just gained (or an error below `SMALL_ERROR`), and no limit is broken that the QP knows to first order
-only, there or while the arm brakes from there. What cannot be made safe is left out.
+The levels are quadratic models of the true costs, those of `maira_qp.solvers.tick_models`. What each level adds is
+shortened until it is safe: until
+
+- the level's own merit falls enough (Armijo's condition), `f(q) - lambda^T (r_above(q) - r_above)`: its true cost f
+  with what it will lose, to first order, once the levels above have made good what the motion costs them (the
+  Lagrangian, so that two levels in conflict come to rest);
+- no task of a level above is farther from its target than without the levels below it, but for
+  `Options.level_position_tolerance` and `Options.level_orientation_tolerance`;
+- no limit is broken that the QP knows to first order only, there or while the arm brakes from there.
+
+What cannot be made safe is left out.
 
 Limits with rows that are broken at the beginning are undone first, by a level above the others; a joint outside its own
 limits comes back because its box says so. With limits on the acceleration a joint that runs at full speed passes its
@@ -19,34 +25,38 @@ possible.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import numpy as np
 
-from maira_qp.problem.costs import ExactTaskCost, LevelObjective, TaskCost, WeightedCost, strict_levels
-from maira_qp.problem.hierarchy import Level, null_space, positive_part, solve_each_level
+from maira_qp.problem.costs import LevelObjective, TaskCost
+from maira_qp.problem.hierarchy import Level, solve_each_level
 from maira_qp.problem.limits import Bounds, Tick, braking_displacement
 from maira_qp.problem.qp import QP
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks.limit import LimitTask
 from maira_qp.problem.tasks.objective import ObjectiveTask
+from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.configuration import Configuration
-from maira_qp.solvers.descent import LEAST_DAMPING
+from maira_qp.robots.robot import Robot
+from maira_qp.solvers.options import Options
 from maira_qp.solvers.setting import Setting
-
-SMALL_ERROR = 1e-3
-"""|W e| below which the motion of lower levels may cost some of it again until the next tick [rad]."""
+from maira_qp.solvers.solution import StepStatus
+from maira_qp.solvers.tick_models import LEAST_DAMPING, Reach, TickModel, tick_models
 
 HALVINGS = 12
 
+ARMIJO = 0.05
+"""Share of what the model's slope promises that the merit must fall."""
+
+ROUNDING = 1e-14
+"""What a merit may rise for rounding, relative to one more than the cost."""
+
 CORRECTIONS = 2
 """Times that bent limits are linearised anew to correct a step."""
-
-ROW_SPACE = 1e-6
-"""Directions that a task feels by less than this share of what it feels most are self-motion."""
 
 GLANCES = 8
 """Configurations on the way to a stop at which bent limits are looked at."""
@@ -57,13 +67,45 @@ SAME = 1e-10
 FAINT = 1e-6
 """What a displacement counts against the limits that it brings the arm back into."""
 
+AT_REST = 1e-6
+"""A joint stands if its speed is at most this share of its limit, or of 1 rad/s or 1 m/s where it has none."""
+
 
 @dataclass(frozen=True)
 class _Model:
-    """A level: its true cost, and the quadratic model of it that the hierarchy solves."""
+    """A level: its true cost, its tasks, and the quadratic model of it that the hierarchy solves."""
 
     value: Callable[[Configuration], float]
-    level: Level
+    tasks: tuple[Task, ...]
+    model: TickModel
+    replaced: tuple[_Model, ...] = ()
+    """The levels whose rows it stands for, if it has none of its own"""
+
+    @property
+    def level(self) -> Level:
+        """The quadratic model."""
+        return self.model.level
+
+    def bent_by(self, C: np.ndarray) -> _Model:
+        """The same with a curvature C (n, n) added to the quadratic model."""
+        level = replace(self.level, H=self.level.H + C)
+        return replace(self, model=replace(self.model, level=level))
+
+    def errors(self, at: Configuration) -> np.ndarray:
+        """Weighted errors (m,) of the rows of the level, zero for the directions in which it bends."""
+        if self.replaced:
+            return np.concatenate([model.errors(at) for model in self.replaced])
+        errors = [task.weighted_error(at) for task in self.tasks if not task.is_wish]
+        return np.concatenate([*errors, np.zeros(self.model.bent)])
+
+    def shares(self, at: Configuration, options: Options) -> np.ndarray:
+        """What is left of the tasks' errors, or of the cost if there is none, by what the levels below may add."""
+        position, orientation = options.level_position_tolerance, options.level_orientation_tolerance
+        if not self.tasks:
+            return np.array([self.value(at) / (0.5 * orientation**2)])
+        return np.array([task.residual(at) for task in self.tasks]).ravel() / np.tile(
+            [position, orientation], len(self.tasks)
+        )
 
 
 def tick(
@@ -74,8 +116,8 @@ def tick(
     now: Tick,
     deadline: float | None = None,
     keep_direction: bool = False,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Configuration (n,) after a tick and the velocity (n,) that leads to it.
+) -> tuple[np.ndarray, np.ndarray, StepStatus]:
+    """Configuration (n,) after a tick, the velocity (n,) that leads to it, and what the arm is doing.
 
     From inside the position limits the next configuration is inside them to the bit, and the velocity within the
     velocity limits to the bit always. A backend that fails leaves the arm where it is, as far as the limits allow; a
@@ -87,7 +129,8 @@ def tick(
     models = _models(cost, redundancy, at, setting, now, bounds)
     if keep_direction:
         first = LevelObjective(cost, _weighted(redundancy))
-        models = [*_directed(first, at, now), *models[len(split_equalities(first)) :]]
+        count = len(split_equalities(first))
+        models = [*_directed(first, models[:count], at, now), *models[count:]]
     models = [*_back_inside(at, setting, bounds), *_bent_along_wishes(models, cost, at, setting)]
     levels = [model.level for model in models]
     if np.isfinite(robot.acceleration_limit).any():
@@ -96,7 +139,37 @@ def tick(
     dq = np.clip(_safe(models, at, displacements, setting, bounds, now), bounds.lower, bounds.upper)
     inside = (at.q >= robot.lower) & (at.q <= robot.upper)
     q = np.where(inside, np.clip(at.q + dq, robot.lower, robot.upper), at.q + dq)
-    return q, np.clip(dq / now.dt, -robot.velocity_limit, robot.velocity_limit)
+    velocity = np.clip(dq / now.dt, -robot.velocity_limit, robot.velocity_limit)
+    wanted = displacements[-1] if displacements else np.full(at.n, np.inf)
+    gradient = max((model.model.gradient for model in models if model.tasks), default=0.0)
+    tasks = [task for model in models for task in model.tasks]
+    status = _status(tasks, robot.at(q), velocity, wanted / now.dt, gradient, setting)
+    return q, velocity, status
+
+
+def _status(
+    tasks: Sequence[Task],
+    at: Configuration,
+    velocity: np.ndarray,
+    wanted: np.ndarray,
+    gradient: float,
+    setting: Setting,
+) -> StepStatus:
+    """What the arm is doing; `wanted` (n,) is the velocity that the QPs ask for, gradient the tasks' free one."""
+    options, residuals = setting.options, [task.residual(at) for task in tasks]
+    if all(p <= options.position_tolerance and o <= options.orientation_tolerance for p, o in residuals):
+        return StepStatus.ARRIVED
+    slow = resting_speed(setting.robot)
+    if (np.abs(velocity) > slow).any():
+        return StepStatus.MOVING
+    if (np.abs(wanted) > slow).any():
+        return StepStatus.STUCK
+    return StepStatus.NEAREST if gradient <= options.stationarity_tolerance else StepStatus.MOVING
+
+
+def resting_speed(robot: Robot) -> np.ndarray:
+    """The speeds (n,) [rad/s or m/s] up to which joints count as at rest."""
+    return AT_REST * np.where(np.isfinite(robot.velocity_limit), robot.velocity_limit, 1.0)
 
 
 def keeps_further_limits(
@@ -126,7 +199,7 @@ def _back_inside(at: Configuration, setting: Setting, bounds: Bounds) -> list[_M
     if bounds.broken is None:
         return []
     still = Level(FAINT * np.eye(at.n), np.zeros(at.n), np.empty((0, at.n)), wishes=bounds.broken)
-    return [_Model(setting.breach, still)]
+    return [_Model(setting.breach, (), TickModel(still, np.empty(0), 0, 0.0))]
 
 
 def _models(
@@ -138,28 +211,24 @@ def _models(
     bounds: Bounds,
 ) -> list[_Model]:
     """The levels in falling priority."""
+    levels = levels_of(cost, redundancy)
+    reach = Reach.of(bounds, setting.bounds(at), setting.robot.velocity_limit * now.dt)
+    models = tick_models([each.without_wishes() for each in levels], at, reach, setting.options.damping)
+    wished = [
+        replace(model.level, wishes=each.tasks.wishes(at, now)) for each, model in zip(levels, models, strict=True)
+    ]
+    parts = zip(levels, models, wished, strict=True)
+    return [_Model(each.cost, each.tasks.tasks, replace(model, level=level)) for each, model, level in parts]
+
+
+def levels_of(cost: TaskCost, redundancy: Weighted | Strict | None) -> list[LevelObjective]:
+    """The levels in falling priority, equalities before the other tasks of theirs."""
     objectives = redundancy.objectives if isinstance(redundancy, Strict) else ()
-    weighted = _weighted(redundancy)
-    top, *soft = split_equalities(LevelObjective(cost, weighted))
-    cost, first = top.tasks, top.tasks.without_wishes()
-    if weighted and not soft:
-        objective, weight = weighted[0].objective, weighted[0].weight
-        level = _newton(first, at, weight * objective.hessian(at))
-        pull = first.pull(at) + weight * objective.gradient(at)
-        value = WeightedCost(cost, objective, weight).value
-        return [_Model(value, _of_tasks(level, pull, cost, at, setting, now))]
-    further = [split_equalities(each) if isinstance(each, LevelObjective) else (each,) for each in objectives]
-    below = (*soft, *chain.from_iterable(further))
-    plain = [each.without_wishes() if isinstance(each, LevelObjective) else each for each in below]
-    levels = strict_levels(_newton(first, at, np.zeros((at.n, at.n))), first, plain, at, bounds.held)
-    models = [_Model(cost.value, _of_tasks(levels[0], first.pull(at), cost, at, setting, now))]
-    for objective, model, level in zip(below, plain, levels[1:], strict=True):
-        if isinstance(objective, LevelObjective) and isinstance(model, LevelObjective):
-            if not model.objectives:
-                level = replace(level, H=_bent_along_rows(level.H, level.rows, np.zeros_like(level.H)))
-            level = _of_tasks(level, model.pull(at), objective.tasks, at, setting, now)
-        models.append(_Model(objective.cost, level))
-    return models
+    levels = [LevelObjective(cost, _weighted(redundancy))]
+    for each in objectives:
+        alone = LevelObjective(TaskCost(()), (ObjectiveTask(each),))
+        levels.append(each if isinstance(each, LevelObjective) else alone)
+    return [part for level in levels for part in split_equalities(level)]
 
 
 def _bent_along_wishes(models: list[_Model], cost: TaskCost, at: Configuration, setting: Setting) -> list[_Model]:
@@ -168,8 +237,7 @@ def _bent_along_wishes(models: list[_Model], cost: TaskCost, at: Configuration, 
     if not limits:
         return models
     wished = replace(setting, further=limits)
-    bent = [replace(m.level, H=m.level.H + wished.curvature(at, m.level.c)) for m in models[1:]]
-    return [models[0], *(replace(m, level=level) for m, level in zip(models[1:], bent, strict=True))]
+    return [models[0], *(model.bent_by(wished.curvature(at, model.level.c)) for model in models[1:])]
 
 
 def _weighted(redundancy: Weighted | Strict | None) -> tuple[ObjectiveTask, ...]:
@@ -177,7 +245,7 @@ def _weighted(redundancy: Weighted | Strict | None) -> tuple[ObjectiveTask, ...]
     return (ObjectiveTask(redundancy.objective, redundancy.weight),) if isinstance(redundancy, Weighted) else ()
 
 
-def _directed(first: LevelObjective, at: Configuration, now: Tick) -> list[_Model]:
+def _directed(first: LevelObjective, models: Sequence[_Model], at: Configuration, now: Tick) -> list[_Model]:
     """The first level as two: nothing across the motion that its tasks ask for, and below that what is along it.
 
     Their rows A (m, n) and errors r (m,), each times its gain, give the direction `u = r / |r|`: the upper level keeps
@@ -198,37 +266,9 @@ def _directed(first: LevelObjective, at: Configuration, now: Tick) -> list[_Mode
         c = c + each.weight * each.objective.gradient(at)
     upper = Level(across.T @ across, np.zeros(at.n), across).damped(mu)
     lower = Level(H, c, along[None], wishes=first.tasks.wishes(at, now)).damped(mu)
-    return [_Model(lambda at: 0.0, upper), _Model(first.cost, lower)]
-
-
-def _newton(cost: TaskCost, at: Configuration, own: np.ndarray) -> Level:
-    """Newton's model of the tasks and of what counts beside them with the Hessian `own` (n, n)."""
-    A, r = cost.rows(at)
-    H = _bent_along_rows(ExactTaskCost(cost).hessian(at) + own, A, own)
-    return Level(positive_part(H), -(A.T @ r), A, 0.5 * float(r @ r), float(r @ r))
-
-
-def _bent_along_rows(H: np.ndarray, A: np.ndarray, own: np.ndarray) -> np.ndarray:
-    """The Hessian H (n, n) of tasks with the rows A (m, n), their curvature kept to what these feel.
-
-    Of a self-motion the error knows no better or worse, and its curvature there, which is that of the way that is left
-    in this tick, would only set the arm adrift. `own` (n, n) is what else is in H, and stays.
-    """
-    G, Z = A.T @ A, null_space(A, ROW_SPACE)
-    S = H - own - G
-    S = S - Z @ (Z.T @ S)
-    return own + G + S - (S @ Z) @ Z.T
-
-
-def _of_tasks(level: Level, pull: np.ndarray, cost: TaskCost, at: Configuration, setting: Setting, now: Tick) -> Level:
-    """A level's model with the gains, the inequalities and the damping of its tasks."""
-    return _damped(replace(level, c=pull, wishes=cost.wishes(at, now)), cost, at, setting)
-
-
-def _damped(level: Level, cost: TaskCost, at: Configuration, setting: Setting) -> Level:
-    """The level with Levenberg-Marquardt damping by the error, the solver's and the tasks' own."""
-    mu = setting.options.damping * min(level.squared_error, 1.0) + LEAST_DAMPING * float(np.abs(level.H).max())
-    return level.damped(mu + cost.damping(at))
+    gradient, nothing = max(model.model.gradient for model in models), np.empty(0)
+    below = _Model(first.cost, first.tasks.tasks, TickModel(lower, nothing, 0, gradient), tuple(models))
+    return [_Model(lambda at: 0.0, (), TickModel(upper, nothing, 0, 0.0)), below]
 
 
 def _slowed(levels: list[Level], at: Configuration, setting: Setting, now: Tick) -> list[Level]:
@@ -251,28 +291,43 @@ def _safe(
     now: Tick,
 ) -> np.ndarray:
     """The displacement (n,) with each level's part shortened until the true costs and the bent limits allow it."""
-    dq = solved = bounds.rest
+    dq, solved, kept = bounds.rest, bounds.rest, np.empty(0)
     there = at.moved(dq) if dq.any() else at
     broken = None
     if setting.is_bent:
         broken = np.maximum(setting.violations(at), min(_violations_ahead(there, dq, setting, now), key=np.sum))
-    highest: list[float] = []  # what the levels so far may cost
     for k, displacement in enumerate(displacements):
-        before = models[k].value(there)
-        allowed = [*highest, before + (1e-9 * (1 + abs(before)) if k else 0.0)]
-        part, solved, after = displacement - solved, displacement, before
+        model, above, part = models[k], models[:k], displacement - solved
+        before, errors, share = model.value(there), _errors(above, there), 1.0
+        most = before + ROUNDING * (1 + abs(before))
+        slope = ARMIJO * min(float((model.level.c + model.level.H @ solved) @ part), 0.0)
+        solved = displacement
         for _ in range(HALVINGS):
-            step = dq + part if broken is None else _brought_back(at, dq + part, broken, setting, bounds, now)
+            step, shrink = dq + share * part, 0.5
+            if broken is not None:
+                step = _brought_back(at, step, broken, setting, bounds, now)
             if step is not None and bounds.contain(step):
                 trial = at.moved(step)
-                after = models[k].value(trial)
-                above = zip(models[:k], highest, strict=True)
-                if after <= allowed[k] and all(model.value(trial) <= most for model, most in above):
+                loss = float((_shares(above, trial, setting.options) - kept).max(initial=0.0))
+                merit = model.value(trial) - model.model.multipliers @ (_errors(above, trial) - errors)
+                if loss <= 1.0 and merit <= most + share * slope:
                     dq, there = step, trial
                     break
-            part, after = 0.5 * part, before
-        highest.append(max(0.5 * (before + after), 0.5 * SMALL_ERROR**2))
+                if loss > 1.0:  # of second order
+                    shrink = max(0.1, min(0.9 / math.sqrt(loss), 0.8))
+            share *= shrink
+        kept = np.concatenate([kept, model.shares(there, setting.options)])
     return dq
+
+
+def _errors(models: Sequence[_Model], at: Configuration) -> np.ndarray:
+    """Weighted errors (m,) of all rows of some levels."""
+    return np.concatenate([np.empty(0), *(model.errors(at) for model in models)])
+
+
+def _shares(models: Sequence[_Model], at: Configuration, options: Options) -> np.ndarray:
+    """The errors of some levels by what the levels below may add to them."""
+    return np.concatenate([np.empty(0), *(model.shares(at, options) for model in models)])
 
 
 def _brought_back(

@@ -155,6 +155,18 @@ class FrameTask(TargetTask):
             return at.kinematic_hessian_product(self.frame, self._in_base(self.weights * multipliers))
         return self.error_curvature(at, multipliers)
 
+    def residual_curvature(self, at: Configuration, residual: np.ndarray) -> np.ndarray:
+        """That of the error (n, n); for even weights with what the logarithm flattens, as its rows are the pose's."""
+        if not self._turns_evenly:
+            return self.error_curvature(at, -residual)
+        pull = self._in_base(self.weights * residual)
+        C, weight = at.kinematic_hessian_product(self.frame, -pull), float(self.all_weights[3])
+        if weight > 0:
+            phi, J = pull[3:] / weight**2, at.jacobian(self.frame)[3:]
+            across = skew(phi) @ J
+            C = C - _flattening(float(np.linalg.norm(phi))) * weight**2 * (across.T @ across)
+        return C
+
     def error_curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
         """`-sum_k multipliers_k d2(W e)_k/dq2` (n, n), of the logarithm too where the orientation is off."""
         pull = self._in_base(self.weights * multipliers)

@@ -33,6 +33,9 @@ from maira_qp.problem.limits import Tick
 from maira_qp.robots.configuration import Configuration
 from maira_qp.robots.robot import Robot
 
+NUDGE = 1e-5
+"""Of the joints, where a Jacobian is differentiated by differences [rad or m]"""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Task(ABC):
@@ -93,9 +96,25 @@ class Task(ABC):
     def curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
         """How the rows `W J` bend (n, n): `sum_k multipliers_k d(W J)_k/dq`, symmetric; multipliers (m,).
 
-        Zero where unknown.
+        By central differences of the Jacobian where a task does not know better.
         """
-        return np.zeros((at.n, at.n))
+        if not multipliers.any():
+            return np.zeros((at.n, at.n))
+        pull, nudges = np.asarray(self.weights) * multipliers, NUDGE * np.eye(at.n)
+        C = np.array([pull @ (self.jacobian(at.moved(dq)) - self.jacobian(at.moved(-dq))) for dq in nudges])
+        return (C + C.T) / (4 * NUDGE)
+
+    def residual_curvature(self, at: Configuration, residual: np.ndarray) -> np.ndarray:
+        """What is left of `hessian(at) - A^T A` (n, n) where only `residual` (m,) of the weighted error W e stays.
+
+        Here the differences of the gradient, times the share of the error that stays.
+        """
+        A, r = self.rows(at)
+        if not residual.any() or not r.any():
+            return np.zeros((at.n, at.n))
+        ways = [(self.rows(at.moved(dq)), self.rows(at.moved(-dq))) for dq in NUDGE * np.eye(at.n)]
+        H = np.array([back[1] @ back[0] - ahead[1] @ ahead[0] for ahead, back in ways]) / (2 * NUDGE)
+        return float(np.linalg.norm(residual) / np.linalg.norm(r)) * (0.5 * (H + H.T) - A.T @ A)
 
     def hessian(self, at: Configuration) -> np.ndarray:
         """Hessian (n, n) of `1/2 |W e|^2`, of any definiteness; Gauss-Newton's where the exact one is unknown."""
