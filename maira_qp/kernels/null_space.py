@@ -20,7 +20,7 @@ from maira_qp.kernels.compilation import bare_kernel
 NONE = np.int64(0)
 """No literal, for which the compiler would make versions of their own of the functions that it is passed to."""
 
-NO_PART = 1e-11
+NO_PART = 1e-10
 """A joint with a smaller entry in a basis vector takes no part, and must not feel its limit."""
 
 

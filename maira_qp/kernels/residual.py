@@ -147,7 +147,7 @@ def _weighted_residual(objective, rows, held, nu, work):
             for k in range(len(rows)):
                 s += rows[k, i] * rows[k, j]
             M[i, j] = 0.0 if held[i] or held[j] else s
-        M[i, i] += 1.0 if held[i] else nu * SINGULAR**4
+        M[i, i] += 1.0 if held[i] else nu * SINGULAR**3
     if not factor_ldl(M, n, 0.0, F):
         return
     solve_ldl(F, n, x)

@@ -32,6 +32,10 @@ RANK_THRESHOLD = 1e-11
 """Singular values below this share of the largest count as zero: what moves along such a direction changes the residual
 above by no more than that share."""
 
+NO_PART = 1e-10
+"""A joint that counts less than this in a direction [rad or m] takes no part in it, and must not feel its limit there:
+robots whose angles are given with eleven digits, half turns among them, move joints by as much that should stand."""
+
 
 @dataclass(frozen=True)
 class Level:
@@ -181,7 +185,7 @@ def projected_gradient(gradient: np.ndarray, above: Sequence[Level], bounds: Bou
 def _subspace(Z: np.ndarray, rows: np.ndarray, threshold: float) -> np.ndarray:
     """The part (n, k') of the subspace with basis Z (n, k) that the rows (m, n) do not feel."""
     Z = Z @ null_space(rows @ Z, threshold, size=largest_row(rows))
-    Z[np.abs(Z) < RANK_THRESHOLD] = 0.0  # a joint that takes no part must not feel its limit
+    Z[np.abs(Z) < NO_PART] = 0.0
     return Z
 
 
@@ -209,7 +213,7 @@ def positive_part(H: np.ndarray) -> np.ndarray:
         return np.maximum(np.abs(H), 1e-12)
     values, V = np.linalg.eigh(H)
     sizes = np.abs(values)
-    return (V * np.maximum(sizes, max(1e-9 * sizes.max(), 1e-12))) @ V.T
+    return (V * np.maximum(sizes, max(1e-9 * sizes.max(initial=0.0), 1e-12))) @ V.T
 
 
 ESCAPE = 1e-3

@@ -501,7 +501,7 @@ class BatchSolution(_OfRobot):
         return (self[i] for i in range(len(self)))
 
 
-class StepStatus(IntEnum):
+class StepStatus(NamedEnum):
     """What the arm is doing in a control tick: `Step.status`.
 
     A joint is at rest if its speed is at most 1e-6 of its limit (of 1 rad/s or 1 m/s where that is infinite).

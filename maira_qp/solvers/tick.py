@@ -45,7 +45,7 @@ from maira_qp.robots.robot import Robot
 from maira_qp.solvers.options import Options
 from maira_qp.solvers.setting import Setting
 from maira_qp.solvers.solution import StepStatus
-from maira_qp.solvers.tick_models import LEAST_DAMPING, Reach, TickModel, tick_models
+from maira_qp.solvers.tick_models import LEAST_DAMPING, Reach, TickModel, is_near, tick_models
 
 HALVINGS = 12
 
@@ -80,6 +80,8 @@ class _Model:
     model: TickModel
     replaced: tuple[_Model, ...] = ()
     """The levels whose rows it stands for, if it has none of its own"""
+    to_first_order: bool = False
+    """The levels below keep its rows, and what these do not tell may be lost"""
 
     @property
     def level(self) -> Level:
@@ -101,6 +103,8 @@ class _Model:
     def shares(self, at: Configuration, options: Options) -> np.ndarray:
         """What is left of the tasks' errors, or of the cost if there is none, by what the levels below may add."""
         position, orientation = options.level_position_tolerance, options.level_orientation_tolerance
+        if self.to_first_order:
+            return np.empty(0)
         if not self.tasks:
             return np.array([self.value(at) / (0.5 * orientation**2)])
         return np.array([task.residual(at) for task in self.tasks]).ravel() / np.tile(
@@ -177,17 +181,18 @@ def keeps_further_limits(
 ) -> bool:
     """Whether a tick from q to ahead (n,), found without the limits beside those of the joints, keeps these as well.
 
-    Then it is the tick with them, too: what is best among more is best among fewer.
+    Then it is the tick with them, too: what is best among more is best among fewer, and limits that are not near hold
+    nothing.
     """
     if not setting.further:
         return True
-    at, dq = setting.robot.at(q), ahead - q
+    at, dq, step = setting.robot.at(q), ahead - q, setting.robot.velocity_limit * dt
     now = Tick(dt, np.zeros_like(q) if velocity is None else velocity)
     for limit in setting.further:
         box, rows = limit.box(at, now), limit.rows(at, now)
         if box is not None and not ((box[0] <= dq).all() and (dq <= box[1]).all()):
             return False
-        if rows is not None and not (rows[0] @ dq <= rows[1]).all():
+        if rows is not None and (is_near(rows, step).any() or not (rows[0] @ dq <= rows[1]).all()):
             return False
     return not setting.is_bent or any(
         not broken.any() for broken in _violations_ahead(setting.robot.at(ahead), dq, setting, now)
@@ -268,7 +273,11 @@ def _directed(first: LevelObjective, models: Sequence[_Model], at: Configuration
     lower = Level(H, c, along[None], wishes=first.tasks.wishes(at, now)).damped(mu)
     gradient, nothing = max(model.model.gradient for model in models), np.empty(0)
     below = _Model(first.cost, first.tasks.tasks, TickModel(lower, nothing, 0, gradient), tuple(models))
-    return [_Model(lambda at: 0.0, (), TickModel(upper, nothing, 0, 0.0)), below]
+
+    def left_across(there: Configuration) -> float:
+        return 0.5 * float((there.q - at.q) @ upper.H @ (there.q - at.q))
+
+    return [_Model(left_across, (), TickModel(upper, nothing, 0, 0.0), to_first_order=True), below]
 
 
 def _slowed(levels: list[Level], at: Configuration, setting: Setting, now: Tick) -> list[Level]:

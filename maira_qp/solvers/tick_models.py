@@ -32,7 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from maira_qp.problem.costs import HESSIAN_RANK_THRESHOLD, LevelObjective, TaskCost
-from maira_qp.problem.hierarchy import RANK_THRESHOLD, Level, largest_row, null_space, positive_part
+from maira_qp.problem.hierarchy import RANK_THRESHOLD, Level, largest_row, null_space
 from maira_qp.problem.limits import Bounds
 from maira_qp.robots.configuration import Configuration
 
@@ -89,9 +89,15 @@ class Reach:
     def of(bounds: Bounds, timeless: Bounds, step: np.ndarray) -> Reach:
         """From the bounds of a tick, those where no time passes, and the largest displacements (n,) of a tick."""
         reach = np.minimum(step, NEAR)
-        near = bounds.h <= np.abs(bounds.G) @ reach
+        near = is_near((bounds.G, bounds.h), step)
         locked = timeless.lower >= timeless.upper
         return Reach(locked, timeless.lower >= -reach, timeless.upper <= reach, bounds.G[near])
+
+
+def is_near(rows: tuple[np.ndarray, np.ndarray], step: np.ndarray) -> np.ndarray:
+    """Which (k,) of the limits `G dq <= h` are near, with displacements of a tick up to step (n,)."""
+    G, h = rows
+    return h <= np.abs(G) @ np.minimum(step, NEAR)
 
 
 @dataclass(frozen=True)
@@ -119,7 +125,7 @@ def tick_models(levels: Sequence[LevelObjective], at: Configuration, reach: Reac
         pressed, bending = (balance(np.vstack([G, K]), each, held) for each in (g, g + A.T @ (r - left)))
         free = np.where(held, 0.0, g + np.vstack([G, K]).T @ pressed)
         bends = bool(left @ left > max(BENDS**2 * (r @ r), NOTHING**2))
-        C = positive_part(W) if level.objectives and number == 0 else W
+        C = _upright(W) if level.objectives and number == 0 else W
         C = C + _curvature_above(levels[:number], models, at, bending[len(G) :])
         C = C + _curvature(level.tasks, at, left) if bends else C
         H = A.T @ A + C
@@ -138,6 +144,12 @@ def tick_models(levels: Sequence[LevelObjective], at: Configuration, reach: Reac
         models.append(TickModel(model.damped(mu), pressed[len(G) :], len(bent), float(np.linalg.norm(free))))
         K = np.vstack([K, rows])
     return models
+
+
+def _upright(W: np.ndarray) -> np.ndarray:
+    """W (n, n) with its eigenvalues replaced by their sizes."""
+    values, V = np.linalg.eigh(W)
+    return (V * np.abs(values)) @ V.T
 
 
 def holding(K: np.ndarray, g: np.ndarray, reach: Reach) -> tuple[np.ndarray, np.ndarray]:
@@ -184,9 +196,10 @@ def remaining_error(
     if m and level.objectives:
         free = np.eye(at.n)[:, ~held]
         Z = free @ null_space(K @ free, DEPENDENT)
-        M = positive_part(Z.T @ (A.T @ A + W + nu * SINGULAR**4 * np.eye(at.n)) @ Z)
+        values, V = np.linalg.eigh(Z.T @ (A.T @ A + W) @ Z)
+        lifted = np.abs(values) + nu * SINGULAR**3
         g = sum(each.weight * each.objective.gradient(at) for each in level.objectives)
-        return r - A @ Z @ np.linalg.solve(M, Z.T @ (A.T @ r - g))
+        return r - A @ Z @ V @ (V.T @ Z.T @ (A.T @ r - g) / lifted)
     S = np.vstack([K, A])
     M = S @ S.T + np.diag(np.concatenate([np.full(k, _dependent(K)), np.full(m, nu)]))
     for _ in range(FILTER if m else 0):
