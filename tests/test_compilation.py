@@ -19,15 +19,16 @@ from maira_qp.solvers.targets import rows_of
 
 
 def answers() -> np.ndarray:
-    """Angles and outcomes (21, 14) of searches on MAIRA: from starts and without, one of them out of reach."""
+    """Angles and outcomes (21, 16) of searches on MAIRA: from starts and without, one of them out of reach."""
     problem, rng = compiled(arm("maira"), max_restarts=10), np.random.default_rng(7)
     rows, starts = reachable_rows(problem.robot, rng, 10), configurations(problem.robot, rng, 10)
     rows[9, 9:] *= 5.0
     solver, target = mq.Solver(problem.robot, redundancy=None), problem.robot.forward(starts[0])
     solution = solver.solve(target)
-    one = np.r_[solution.q, solution.success, solution.restarts, solution.iterations, 0, 0, 0, 0]
+    one = np.r_[solution.q, solution.success, solution.restarts, solution.iterations]
     parts = [search_for(problem, rows), search_for(problem, rows, starts, shuffled=True)]
-    return np.vstack([np.concatenate([np.hstack(part) for part in parts]), one])
+    searched = np.concatenate([np.hstack(part) for part in parts])
+    return np.vstack([searched, np.pad(one, (0, searched.shape[1] - len(one)))])
 
 
 def run(script: str, cwd: Path, **environment: str) -> str:

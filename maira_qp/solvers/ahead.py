@@ -137,7 +137,9 @@ def _step() -> None:
 
 def _best_swivel() -> None:
     problem = _Problem(Robot.maira(), Strict(Posture()))
-    problem.engine._reach_near_posture(problem.asked.rows, problem.q, problem.outcome)
+    assert problem.engine.redundancy is not None
+    posture, weights = problem.engine.redundancy[2:].reshape(2, -1)
+    problem.engine.reach_near_posture(problem.asked.rows, posture, weights, problem.q, problem.outcome)
 
 
 def _settle(redundancy: Strict | Weighted, offset: float) -> None:
@@ -164,6 +166,7 @@ def _proofs() -> None:
 
 def _small() -> None:
     """What takes a second or less each."""
+    from maira_qp.kernels.starts import has_long_slides
     from maira_qp.solvers.compiled import SUCCESS, unwind
 
     problem = _Problem(_six_axes("continuous"), Weighted(Posture(), weight=1e-3))
@@ -171,7 +174,8 @@ def _small() -> None:
     assert turns is not None
     for rows in (1, 2):  # a column of one row is contiguous, which makes it another type
         q, outcome = problem.q.repeat(rows, 0), problem.outcome.repeat(rows, 0)
-        unwind(problem.engine.chain, turns.aim, outcome[:, SUCCESS], q)
+        unwind(problem.engine.chain, turns.aim[None], outcome[:, SUCCESS], q)
+    has_long_slides(problem.engine.chain)
     streams(problem.asked.rows, SEED_0)
     robot.jacobians(np.zeros((1, robot.n)))
     srs = SRS.of(robot)
