@@ -35,8 +35,8 @@ from maira_qp.robots.robot import Robot
 
 NEARNESS = 1e-3
 """How near to a singularity [rad]."""
-MARGIN = 0.01
-"""How far beyond the reach [m]."""
+MARGIN = 0.01 + 1e-6
+"""How far beyond the reach [m]: more than counts as loosely reached, so that the nearest point never does."""
 
 
 @dataclass(frozen=True)
