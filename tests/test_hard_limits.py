@@ -14,8 +14,6 @@ import maira_qp as mq
 from maira_qp.errors import OptionError
 from maira_qp.problem.limits import Limit
 
-pytestmark = pytest.mark.rounding
-
 FEW = mq.Options(max_restarts=10)
 
 
@@ -89,6 +87,7 @@ def test_the_tool_does_not_leave_its_box_for_a_target_outside(name, kind, rng):
             assert s.position_error == pytest.approx(np.linalg.norm([0.06, 0.01, 0.04]), abs=1e-7)
 
 
+@pytest.mark.rounding
 def test_an_arm_stays_out_of_a_ball_around_its_target(maira, rng):
     """A ball of 0.15 m where the tool is to be: clear by the margin, and a stationary point."""
     robot = maira
@@ -150,6 +149,7 @@ def test_the_redundancy_is_settled_within_the_limits(maira, rng, redundancy):
         assert s.optimal
 
 
+@pytest.mark.rounding
 def test_limits_that_exclude_each_other_are_named_with_what_is_broken(maira):
     """Two boxes 0.1 m apart along x: the least sum of squares breaks each by half of that."""
     p = np.array([0.5, 0.1, 0.6])

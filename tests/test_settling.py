@@ -32,7 +32,6 @@ def free_gradient(robot: mq.Robot, q: np.ndarray, gradient: np.ndarray) -> float
     return float(np.abs(columns @ left + gradient).max())
 
 
-@pytest.mark.rounding
 @pytest.mark.parametrize("name", OBJECTIVES)
 @pytest.mark.parametrize("arm", ["maira", "panda", "xarm7"])
 def test_strict_ends_where_the_objective_is_optimal_along_the_self_motion(arm, name):

@@ -89,7 +89,6 @@ def test_targets_with_every_joint_near_a_limit_are_reached(maira, distance):
         assert inside(maira, s.q)
 
 
-@pytest.mark.rounding
 @pytest.mark.parametrize("backend", [*BACKENDS, LOOSE_OSQP], ids=[*BACKENDS, "osqp at its defaults"])
 @pytest.mark.parametrize(
     "redundancy", [None, mq.Strict(mq.Posture()), mq.Weighted(mq.Posture())], ids=["none", "strict", "weighted"]

@@ -8,8 +8,6 @@ from conftest import load
 
 import maira_qp as mq
 
-pytestmark = pytest.mark.rounding
-
 ALONE = mq.Options(max_restarts=0)
 TOLERANCE = 1e-6
 
@@ -68,6 +66,7 @@ def test_an_answer_moves_far_only_for_a_gain(name, rng):
         q = answer.q
 
 
+@pytest.mark.rounding
 @pytest.mark.parametrize("name", ["maira", "ur5"])
 def test_what_leaves_says_so_and_is_better(name, rng):
     """Far starts and far targets: what a batch answers is never worse than the descent from the start alone."""
