@@ -1,5 +1,6 @@
 """Robots shared by all tests, and the random stream of each."""
 
+import signal
 from importlib.metadata import distribution
 from importlib.util import find_spec
 from math import pi
@@ -149,6 +150,11 @@ def random_table(rng: np.random.Generator, moving: int) -> DHTable:
             limits = {"lower": float(lower), "upper": float(upper)}
         links.append(DHLink(kind=kind, a=float(a), alpha=float(alpha), d=float(d), theta=float(theta), **limits))
     return DHTable(links, name="random")
+
+
+def heed_interrupts() -> None:
+    """In a process about to begin: Ctrl-C is heard, as from a terminal, even where tests run in the background."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def misuse(answer):

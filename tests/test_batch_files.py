@@ -12,7 +12,7 @@ from contextlib import contextmanager
 import numpy as np
 import pyarrow
 import pytest
-from conftest import misuse
+from conftest import heed_interrupts, misuse
 from pyarrow import parquet
 from scipy.spatial.transform import Rotation
 
@@ -615,7 +615,7 @@ def test_ctrl_c_leaves_nothing(tmp_path):
         "sys.exit(main(sys.argv[1:]))\n"
     )
     command = [sys.executable, "-c", code, "solve", "--batch", str(path), "--threads", "1"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=600)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600, preexec_fn=heed_interrupts)
     assert done.returncode == 130
     assert done.stderr.splitlines()[-1] == "maira-qp: interrupted"
     assert "Traceback" not in done.stderr

@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 import pytest
-from conftest import misuse, urdf_file
+from conftest import heed_interrupts, misuse, urdf_file
 from PIL import Image
 
 import maira_qp as mq
@@ -507,7 +507,8 @@ def test_ctrl_c(tmp_path):
     """An interrupt in the middle of a benchmark: exit code 130, one line, and the rows that were measured are kept."""
     rows = tmp_path / "rows.jsonl"
     flags = ["bench", "--targets", "100000", "--strata", "uniform", "--methods", "pose", "--output", str(tmp_path)]
-    process = subprocess.Popen([sys.executable, "-m", "maira_qp", *flags], stderr=subprocess.PIPE, text=True)
+    command = [sys.executable, "-m", "maira_qp", *flags]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=heed_interrupts)
     limit = time.monotonic() + 600  # a machine may have to compile first
     while not (rows.exists() and rows.read_bytes().count(b"\n") > 3) and time.monotonic() < limit:
         time.sleep(0.05)

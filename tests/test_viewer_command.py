@@ -8,7 +8,7 @@ import sys
 import urllib.request
 
 import pytest
-from conftest import misuse
+from conftest import heed_interrupts, misuse
 
 from maira_qp.apps.cli import main
 
@@ -42,7 +42,8 @@ def test_what_cannot_be_served_is_told(refused):
 @needs_viser
 def test_it_serves_its_page_until_it_is_interrupted(tmp_path):
     command = [sys.executable, "-m", "maira_qp", "view", "--port", "0"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    process = subprocess.Popen(command, **pipes, text=True, env=os.environ, preexec_fn=heed_interrupts)
     try:
         line = process.stdout.readline()
         url = line.split(" is at ")[1].split()[0]
