@@ -106,10 +106,17 @@ def joint_values(found):
     return np.column_stack([column for name, column in found.items() if name.startswith("q_")])
 
 
+def distances(found):
+    """How far (N,) answers of a file that was read are from their starts: NaN where there was none."""
+    return np.array([np.nan if cell == "" else float(cell) for cell in found["max_joint_change"]])
+
+
 def same(found, batch):
     """Whether a file that was read holds a batch of answers, to the bit."""
     np.testing.assert_array_equal(joint_values(found), batch.q)
-    for name in ("success", "position_error", "orientation_error", "iterations", "restarts", "condition_number"):
+    np.testing.assert_array_equal(distances(found), batch.max_joint_change)
+    numbers = ("position_error", "orientation_error", "iterations", "restarts", "condition_number")
+    for name in ("success", *numbers, "left_q0"):
         np.testing.assert_array_equal(found[name], getattr(batch, name), err_msg=name)
     np.testing.assert_array_equal(found["status"], [mq.Status(status).name for status in batch.status.tolist()])
     limits = [";".join(each) for each in batch.active_limits]
@@ -242,6 +249,25 @@ def test_starts_are_taken(run, tmp_path, maira, asked, kind):
     same(read(tmp_path / f"bare.solved.{kind}"), mq.Solver(maira).solve_batch(T, q0[0]))
 
 
+@pytest.mark.parametrize("kind", FORMATS)
+def test_answers_say_how_far_from_their_start_they_are(run, tmp_path, maira, asked, kind):
+    """The farthest joint of each, and which left their start; without starts there is no distance."""
+    T, _ = asked
+    starts = np.resize([maira.lower, maira.upper], (12, maira.n))
+    columns = {"targets": T, "q0": starts}
+    if kind != "npz":
+        columns = in_columns(T) | {f"q0_{name}": starts[:, i] for i, name in enumerate(maira.joint_names)}
+    summary = json.loads(run(write(tmp_path / f"poses.{kind}", columns), "--json")[1])
+    found = read(tmp_path / f"poses.solved.{kind}")
+    np.testing.assert_allclose(distances(found), np.abs(joint_values(found) - starts).max(axis=1), rtol=1e-12)
+    assert 0 < summary["starts_left"] == found["left_q0"].sum() < 12
+    path = write(tmp_path / f"bare.{kind}", {"targets": T} if kind == "npz" else in_columns(T))
+    assert json.loads(run(path, "--json")[1])["starts_left"] == 0
+    found = read(tmp_path / f"bare.solved.{kind}")
+    assert not found["left_q0"].any()
+    assert np.isnan(distances(found)).all()
+
+
 def test_degrees_in_and_out_metres_for_sliding_joints(run, tmp_path):
     """With --deg starts and answers of turning joints are in degrees, those of sliding joints in metres."""
     crane = tmp_path / "crane.toml"
@@ -287,7 +313,7 @@ def test_a_row_without_a_pose_spoils_only_itself(run, tmp_path, maira, asked, ki
     assert (found["status"][bad] == "INVALID_TARGET").all()
     assert np.isnan(q[bad]).all()
     if kind == "csv":
-        assert b",INVALID_TARGET,,,,,,,,,,,,,\n" in (tmp_path / "poses.solved.csv").read_bytes()
+        assert b",INVALID_TARGET,,,,,,false,,,,,,,,,\n" in (tmp_path / "poses.solved.csv").read_bytes()
     if kind == "parquet":
         table = parquet.read_table(tmp_path / "poses.solved.parquet")
         for name in ("position_error", "iterations", "condition_number", "q_joint1"):
@@ -646,5 +672,5 @@ def test_the_help_tells_the_columns(capsys):
     text = " ".join(capsys.readouterr().out.replace("│", " ").split())
     for word in ("qw, qx, qy, qz", "roll, pitch, yaw", "m00, m01, ... m23", "q0_<joint>", "targets (N, 4, 4)"):
         assert word in text
-    for word in ("position_error [m]", "active_limits", "q_<joint>", "joint_names"):
+    for word in ("position_error [m]", "left_q0", "max_joint_change", "active_limits", "q_<joint>", "joint_names"):
         assert word in text

@@ -238,6 +238,20 @@ def test_a_start_outside_the_limits_is_told(run, maira):
     assert strict_json(run(*at, "--json")[1])["start_projected"] is True
 
 
+def test_an_answer_that_left_its_start_is_told(run, maira):
+    """Table and JSON say whether the answer left its start, and how far the farthest joint went."""
+    near = ("solve", "--position", 0.4, 0.2, 0.9, "--quaternion", 0, 1, 0, 0, "--q0")
+    start = strict_json(run(*near[:-1], "--json")[1])["q"]
+    out = run(*near, *start)[1]
+    assert "left the start" not in out
+    assert "farthest joint from --q0" in out
+    far = (*near, *maira.upper)
+    left = strict_json(run(*far, "--json")[1])
+    assert left["left_q0"] is True
+    assert left["max_joint_change"] == pytest.approx(np.abs(maira.upper - left["q"]).max())
+    assert "left the start --q0" in run(*far)[1]
+
+
 def test_without_matplotlib_there_are_results_and_no_picture(run, monkeypatch, tmp_path):
     """One line says what to install; `plot`, which is nothing but a picture, is refused before the work."""
     for name in [name for name in sys.modules if name.split(".")[0] == "matplotlib"]:

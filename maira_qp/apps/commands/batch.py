@@ -30,6 +30,7 @@ REMARKS = {
     "first_not_solved": "the first that is not solved",
     "targets_rounded": "orientations that were rounded; the nearest rotations were taken",
     "starts_moved_onto_limits": "starts outside the joint limits, moved onto them",
+    "starts_left": "answers that left their start: elsewhere is better by more than the tolerances",
     "redundancy_not_settled": "solved, but the redundancy was not settled",
 }
 """What the summary says only where there is something to say."""
@@ -114,6 +115,7 @@ def _summary(
         "targets_rounded": int((poses.deviation > 0).sum()),
         "worst_target_deviation": poses.deviation.max(initial=0.0),
         "starts_moved_onto_limits": int(answers["start_projected"][valid].sum()),
+        "starts_left": int(answers["left_q0"].sum()),
         "redundancy_not_settled": 0 if solver.redundancy is None else int(unsettled.sum()),
         "worst_position_error": answers["position_error"][valid].max() if valid.any() else None,
         "worst_orientation_error": answers["orientation_error"][valid].max() if valid.any() else None,

@@ -48,9 +48,10 @@ class Solve:
     its status is INVALID_TARGET, and its answers are empty cells (in NPZ NaN).
 
     The answers stand behind what the file held: success, status, position_error [m], orientation_error [rad],
-    iterations, restarts, condition_number, active_limits (with ; between) and q_<joint> [rad, or deg with --deg; m for
-    a sliding joint]; in NPZ the same as arrays (N,), and q (N, n) and joint_names. Exit code 0: all solved; 1: some
-    not."""
+    iterations, restarts, condition_number, left_q0 (whether the answer left its start for a better one),
+    max_joint_change [rad or m] (of the joint that is farthest from its start; an empty cell without a start, in NPZ
+    NaN), active_limits (with ; between) and q_<joint> [rad, or deg with --deg; m for a sliding joint]; in NPZ the same
+    as arrays (N,), and q (N, n) and joint_names. Exit code 0: all solved; 1: some not."""
 
     choice: RobotFlags = field(default_factory=RobotChoice)
     pose: PoseFlags = field(default_factory=PoseChoice)
@@ -166,6 +167,8 @@ def _show(robot: Robot, angles: Angles, s: Solution, hints: Sequence[str]) -> No
         out.print(f"the orientation was rounded (off by {s.target_deviation:.2g}); the nearest rotation was taken")
     if s.start_projected:
         out.print("the start --q0 was outside the joint limits and was moved onto them")
+    if s.left_q0:
+        out.print("the answer left the start --q0: elsewhere is better by more than the tolerances")
     remarks = [
         " ".join(limit.removeprefix(name) for limit in s.active_limits if limit.rsplit(" ", 1)[0] == name).strip()
         for name in robot.joint_names
@@ -174,6 +177,8 @@ def _show(robot: Robot, angles: Angles, s: Solution, hints: Sequence[str]) -> No
     table = Table(show_header=False)
     table.add_row("position error [m]", f"{s.position_error:.3g}")
     table.add_row("orientation error [rad]", f"{s.orientation_error:.3g}")
+    if np.isfinite(s.max_joint_change):
+        table.add_row("farthest joint from --q0 [rad or m]", f"{s.max_joint_change:.3g}")
     table.add_row("condition number", f"{s.condition_number:.4g}")
     table.add_row("iterations, restarts", f"{s.iterations}, {s.restarts}")
     if np.isfinite(s.cost):

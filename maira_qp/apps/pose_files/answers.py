@@ -19,7 +19,8 @@ from maira_qp.errors import OptionError
 from maira_qp.solvers.solution import BatchSolution, Status
 
 NUMBERS = ("position_error", "orientation_error", "iterations", "restarts", "condition_number")
-COLUMNS = ("success", "status", *NUMBERS, "active_limits")
+STAYING = ("left_q0", "max_joint_change")
+COLUMNS = ("success", "status", *NUMBERS, *STAYING, "active_limits")
 REMARKS = ("optimal", "start_projected")
 """Fields of a batch that are summed up and not written."""
 STATUS_NAMES = np.full(max(Status) + 1, None, dtype=object)
@@ -36,9 +37,8 @@ def _columns(batch: BatchSolution) -> dict[str, np.ndarray]:
     limits = np.empty(len(batch), dtype=object)
     limits[:] = [sys.intern(";".join(each)) for each in batch.active_limits]  # a few texts, many times
     found = {"success": batch.success, "status": STATUS_NAMES[batch.status]}
-    return (
-        found | {name: getattr(batch, name) for name in (*NUMBERS, *REMARKS)} | {"active_limits": limits, "q": batch.q}
-    )
+    fields = {name: getattr(batch, name) for name in (*NUMBERS, *STAYING, *REMARKS)}
+    return found | fields | {"active_limits": limits, "q": batch.q}
 
 
 def check_output(path: Path, table: Table, joint_names: Sequence[str]) -> None:
@@ -68,15 +68,16 @@ def write_answers(path: Path, table: Table, answers: Mapping[str, np.ndarray], j
         arrays += list(answers["q"].T)
     named = dict(zip(_names(suffix == ".npz", joint_names), arrays, strict=True))
     invalid = answers["status"] == Status.INVALID_TARGET.name
-    if suffix != ".npz" and invalid.any():
-        named = {name: _without(array, invalid) for name, array in named.items()}
+    if suffix != ".npz":
+        named = {name: _known(array, invalid) for name, array in named.items()}
     with replacing(path) as file:
         {".csv": write_csv, ".npz": write_npz, ".parquet": write_parquet}[suffix](file, table, named)
 
 
-def _without(array: np.ndarray, invalid: np.ndarray) -> np.ndarray:
-    """A column (N,) whose numbers are masked where there was nothing to answer, (N,)."""
-    return np.ma.masked_array(array, mask=invalid) if array.dtype.kind in "if" else array
+def _known(array: np.ndarray, invalid: np.ndarray) -> np.ndarray:
+    """A column (N,) whose numbers are masked where there was nothing to answer, (N,), or they are NaN."""
+    unknown = np.isnan(array) if array.dtype.kind == "f" else invalid
+    return np.ma.masked_array(array, mask=unknown) if array.dtype.kind in "if" and unknown.any() else array
 
 
 def left_out(path: Path, table: Table) -> Sequence[str]:
