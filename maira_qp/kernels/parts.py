@@ -16,7 +16,8 @@ from numba import njit, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder, Flags
 from numba.core.compiler_machinery import LoweringPass, register_pass
-from numba.core.typed_passes import IRLegalization
+from numba.core.typed_passes import InlineOverloads, IRLegalization, NopythonRewrites
+from numba.core.untyped_passes import DeadBranchPrune, InlineClosureLikes, WithLifting
 
 INLINE = os.environ.get("MAIRA_QP_INLINE", "1") != "0"
 """Whether all this is used. Without (`MAIRA_QP_INLINE=0`) Numba compiles kernels as any other function, which takes
@@ -54,7 +55,7 @@ class EntryCompiler(CompilerBase):
 
     def define_pipelines(self) -> list[Any]:
         """The passes of a function that Python calls."""
-        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
+        return [_needed(DefaultPassBuilder.define_nopython_pipeline(self.state))]
 
 
 class _PartCompiler(EntryCompiler):
@@ -62,14 +63,25 @@ class _PartCompiler(EntryCompiler):
 
     def define_pipelines(self) -> list[Any]:
         """The passes of a part."""
-        pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        pipeline = _needed(DefaultPassBuilder.define_nopython_pipeline(self.state))
         pipeline.add_pass_after(_OpenLibrary, IRLegalization)
         pipeline.finalize()
         return [pipeline]
 
 
+def _needed(pipeline: Any) -> Any:
+    """Numba's passes without those for what no kernel has: closures, comprehensions, expressions of whole arrays."""
+    pipeline.passes = [(found, text) for found, text in pipeline.passes if found not in _NOT_NEEDED]
+    pipeline._finalized = False
+    pipeline.finalize()
+    return pipeline
+
+
+_NOT_NEEDED = (WithLifting, InlineClosureLikes, DeadBranchPrune, InlineOverloads, NopythonRewrites)
+
+
 class _Operators:
-    """Numba's knowledge of types, which of an operator between numbers asks but once what it gives.
+    """Numba's knowledge of types, which of an operator between numbers or arrays asks but once what it gives.
 
     By itself it tries each time all that NumPy knows of such an operator: a fifth of all its time.
     """
@@ -84,7 +96,7 @@ class _Operators:
 
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
         """The signature of a function for arguments of these types."""
-        is_plain = isinstance(func, types.Function) and not kws and all(isinstance(arg, _NUMBERS) for arg in args)
+        is_plain = isinstance(func, types.Function) and not kws and all(isinstance(arg, _PLAIN) for arg in args)
         if not is_plain:
             return self._context.resolve_function_type(func, args, kws)
         asked = func, tuple(args)
@@ -93,7 +105,7 @@ class _Operators:
         return self._known[asked]
 
 
-_NUMBERS = (types.Number, types.Boolean)
+_PLAIN = (types.Number, types.Boolean, types.Array, types.BaseTuple)
 
 
 class _Flags(Flags):
@@ -131,7 +143,10 @@ class _OpenLibrary(LoweringPass):
 
 
 class _Library(JITCodeLibrary):
-    """Code that is linked into other libraries, and loaded as part of these alone."""
+    """Code that is linked into other libraries, and loaded as part of these alone: optimised there, not here."""
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        pass
 
     def _optimize_final_module(self) -> None:
         pass

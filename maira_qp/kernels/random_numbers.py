@@ -27,9 +27,8 @@ def mixed(state, bits):
 def stream_of(target, seed):
     """64 bits that begin the stream of a target (12,) under a seed (2,) of uint64: of these two alone."""
     state = mixed(mixed(uint64(0), seed[0]), seed[1])
-    bits = target.view(np.uint64)
-    for i in range(len(bits)):
-        state = mixed(state, bits[i] if target[i] != 0.0 else uint64(0))  # -0.0 is 0.0
+    for i in range(len(target)):
+        state = mixed(state, np.float64(target[i] + 0.0).view(np.uint64))  # -0.0 + 0.0 is 0.0
     return state
 
 
