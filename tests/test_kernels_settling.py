@@ -33,7 +33,7 @@ from maira_qp.kernels.lane_walk import (
     REACHED,
 )
 from maira_qp.kernels.pose_hessian import add_curvature, newton_model
-from maira_qp.kernels.settling import settle
+from maira_qp.kernels.settling import settle, trade_off_each
 from maira_qp.problem.costs import ExactTaskCost, TaskCost, WeightedCost
 from maira_qp.problem.hierarchy import projected_gradient
 from maira_qp.problem.objectives import Objective
@@ -47,6 +47,13 @@ from maira_qp.solvers.targets import pose_of
 
 STATIONARY = 1e-6
 """`Options.stationarity_tolerance`."""
+
+
+def settle_by_weight(arrays, rows, reference, weights, weight, q, outcome):
+    """Both kernels: to the optimum of `Strict`, and where there is a weight from there to that of `Weighted`."""
+    settle(arrays.chain, arrays.settings, rows, reference, weights, arrays.settling, q, outcome)
+    if weight != 0.0:
+        trade_off_each(arrays.chain, arrays.settings, rows, reference, weights, weight, arrays.settling, q, outcome)
 
 
 class Problem:
@@ -74,8 +81,7 @@ class Problem:
     def settle_all(self, rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """q (N, n) and outcomes (N, 6) of the kernel for batches; inside the limits, what began there."""
         q, outcome, arrays = starts.copy(), np.full((len(rows), OUTCOME), np.nan), self.arrays
-        own = (self.reference, self.weights, self.weight, arrays.settling)
-        settle(arrays.chain, arrays.settings, rows, *own, q, outcome)
+        settle_by_weight(arrays, rows, self.reference, self.weights, self.weight, q, outcome)
         numbers = np.isfinite(starts).all(axis=1)
         assert (q[numbers] >= self.robot.lower).all()
         assert (q[numbers] <= self.robot.upper).all()
@@ -230,7 +236,7 @@ def test_numbers_that_are_none_come_to_an_end(maira, rng):
             (np.zeros(7), np.ones(7), bad),
         ):
             q, outcomes = starts.copy(), np.full((1, OUTCOME), np.nan)
-            settle(arrays.chain, arrays.settings, rows, reference, weights, weight, arrays.settling, q, outcomes)
+            settle_by_weight(arrays, rows, reference, weights, weight, q, outcomes)
             outcome = outcomes[0]
             assert (q >= maira.lower).all()
             assert (q <= maira.upper).all()

@@ -148,3 +148,90 @@ def test_small_moves_stay_small(panda, rng):
         assert answer.success
         assert answer.max_joint_change < 0.3
         q = answer.q
+
+
+def turns_of(robot, q, near):
+    """Whole turns of single joints of q (n,) within the limits that are nearer to a reference (n,): each as a q."""
+    for turn in (-2 * np.pi, 2 * np.pi):
+        fits = (q + turn >= robot.lower) & (q + turn <= robot.upper) & ~robot.slides
+        for i in np.flatnonzero(fits & (np.abs(q + turn - near) < np.abs(q - near) - 1e-3)):
+            yield np.where(np.arange(robot.n) == i, q + turn, q)
+
+
+WISHES = {
+    "strict": mq.Strict(mq.Posture()),
+    "distance": mq.Strict(mq.LimitDistance()),
+    "weighted": mq.Weighted(mq.Posture(), weight=1e-3),
+    "none": None,
+}
+
+
+@pytest.mark.parametrize("name", ["ur5", "xarm7"])
+@pytest.mark.parametrize("wish", WISHES)
+@pytest.mark.parametrize("backend", [None, "daqp"])
+def test_without_a_start_every_joint_ends_at_the_turn_nearest_to_the_posture(name, wish, backend, rng):
+    """Of what is settled on a self-motion as of nearest points: a self-motion may lead past half a turn."""
+    robot = robot_of(name)
+    solver = mq.Solver(
+        robot, redundancy=WISHES[wish], backend=backend, options=mq.Options(max_restarts=2 if backend else 50)
+    )
+    poses = [robot.forward(robot.random_configuration(rng)).homogeneous for _ in range(6 if backend else 100)]
+    targets = np.array(poses)
+    targets[::3, :3, 3] *= 1.5
+    for q in solver.solve_batch(targets).q:
+        assert not list(turns_of(robot, q, robot.middle))
+
+
+@pytest.mark.parametrize("wish", ["strict", "distance"])
+@pytest.mark.parametrize("backend", [None, "daqp"])
+def test_a_turn_too_far_is_a_gain_of_the_redundancy(wish, backend, rng):
+    """From a start what is settled is at the nearest turns too, but where these are worse for what was wished."""
+    robot = robot_of("xarm7")
+    solver = mq.Solver(
+        robot, redundancy=WISHES[wish], backend=backend, options=mq.Options(max_restarts=2 if backend else 50)
+    )
+    objective = WISHES[wish].objectives[0].of(robot)
+    for _ in range(6 if backend else 100):
+        target, q0 = robot.forward(robot.random_configuration(rng)), robot.random_configuration(rng)
+        answer = solver.solve(target, q0)
+        for turned in turns_of(robot, answer.q, q0):
+            assert objective.cost(robot.at(turned)) > objective.cost(robot.at(answer.q))
+
+
+def weighted_error(solver, answer):
+    """|W e|"""
+    return np.hypot(
+        *np.asarray(solver.tasks[0].all_weights)[[0, 3]] * (answer.position_error, answer.orientation_error)
+    )
+
+
+@pytest.mark.parametrize("backend", [None, "daqp"])
+def test_a_trade_off_is_left_for_no_worse_a_pose(ur5, backend, rng):
+    """A pose that is reached elsewhere only to be traded off for the posture is no gain over a nearest point here."""
+    wish = mq.Weighted(mq.Posture(), weight=1e-3)
+    options = mq.Options(max_restarts=2 if backend else 20)
+    solver = mq.Solver(ur5, redundancy=wish, backend=backend, options=options)
+    alone = mq.Solver(ur5, redundancy=wish, backend=backend, options=ALONE)
+    q0, far = [], 10 if backend else 150
+    for _ in range(far):
+        q = ur5.middle + 0.3 * (ur5.random_configuration(rng) - ur5.middle)
+        q[2] = 0.01 * rng.uniform(-1, 1)  # nearly stretched
+        q0.append(q)
+    targets = np.array([ur5.forward(q).homogeneous for q in q0])
+    targets[:, :3, 3] += 0.005 * rng.uniform(-1, 1, (far, 3))
+    found, near = solver.solve_batch(targets, np.array(q0)), alone.solve_batch(targets, np.array(q0))
+    assert found.left_q0.any() or backend
+    for answer, stayed in zip(found[found.left_q0], near[found.left_q0], strict=True):
+        assert weighted_error(solver, answer) < weighted_error(solver, stayed)
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda"])
+def test_the_closest_is_no_farther_than_what_a_solve_finds(name, rng):
+    """A list of solutions that is not complete may lack the nearest one, to which a descent from the start leads."""
+    robot = robot_of(name)
+    solver = mq.Solver(robot)
+    for _ in range(12):
+        target, q0 = robot.forward(robot.random_configuration(rng)), robot.random_configuration(rng)
+        found, closest = solver.solve(target, q0), solver.solve(target, q0, prefer="closest")
+        assert closest.success >= found.success
+        assert np.square(closest.q - q0).sum() <= np.square(found.q - q0).sum() + 1e-3

@@ -9,7 +9,7 @@ from compiled_problems import arm
 from conftest import random_table
 
 import maira_qp as mq
-from maira_qp.kernels.whole_turns import unwind
+from maira_qp.kernels.whole_turns import unwind, unwind_free
 from maira_qp.robots.serial_chain import chain_of
 from maira_qp.robots.whole_turns import FARTHEST, WholeTurns
 
@@ -115,6 +115,24 @@ def test_the_kernel_unwinds_as_this_does(name, rng):
     expected = np.where(reached[:, None] > 0, WholeTurns(robot, reference).within(q), q)
     unwind(chain_of(robot), reference[None], reached, q)
     np.testing.assert_allclose(q, expected, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", ["maira", "pr2_arm", "ur5", "xarm7", "tiago"])
+def test_the_kernel_turns_only_what_costs_a_posture_nothing(name, rng):
+    """Joint by joint: at the turn nearest to the reference, or, where that is worse for the posture, as it was."""
+    robot = arm(name)
+    reference, posture, weights = rng.uniform(-9, 9, robot.n), rng.uniform(-2, 2, robot.n), rng.integers(0, 3, robot.n)
+    q = np.array([robot.random_configuration(rng) for _ in range(60)])
+    q[:, np.isinf(robot.lower)] *= 30.0
+    asked, there = rng.choice([True, False], len(q)), q.copy()
+    turned = asked.copy()
+    unwind_free(chain_of(robot), reference[None], posture, weights.astype(float), turned, there)
+    nearest = WholeTurns(robot, reference).within(q)
+    dearer = weights * np.square(nearest - posture) > weights * np.square(q - posture) + 1e-6
+    expected = np.where(asked[:, None] & ~dearer, nearest, q)
+    np.testing.assert_allclose(there, expected, rtol=0, atol=1e-13)
+    np.testing.assert_array_equal(turned, np.abs(expected - q).max(axis=1) > 1)
+    assert turned.any() or name in ("maira", "tiago")
 
 
 @pytest.mark.parametrize("redundancy", [mq.Strict, partial(mq.Weighted, weight=1e-6)])

@@ -57,15 +57,15 @@ MULTIPLIER_THRESHOLD = 1e-6
 """Pivots below this share of the first make no multipliers: near a singularity they would be without bound."""
 
 
-def settle(chain, settings, targets, reference, weights, weight, settling, q, outcome):
+def settle(chain, settings, targets, reference, weights, settling, q, outcome):
     """From configurations q (N, n) that reach the targets (N, 12) to the optimum of the redundancy near each, in place.
 
-    `weight` 0 is `Strict`, any other that of `Weighted`. q stays inside the limits to the bit. `outcome` (N, 6) becomes
-    [reached, iterations, projected gradient, objective, position error, orientation error]; where `lane_walk` has
-    proved an optimum, the gradient is the bound it found. Where q does not reach the pose to begin with, it is left as
-    it is, with an infinite gradient.
+    That of `Strict`, from which `trade_off_each` goes on to that of `Weighted`. q stays inside the limits to the bit.
+    `outcome` (N, 6) becomes [reached, iterations, projected gradient, objective, position error, orientation error];
+    where `lane_walk` has proved an optimum, the gradient is the bound it found. Where q does not reach the pose to
+    begin with, it is left as it is, with an infinite gradient.
 
-    Not a kernel, but three of them, so that those that few targets need are compiled when one does.
+    Not a kernel, but two of them, so that the one that few targets need is compiled when one does.
     """
     settle_in_lanes(chain, settings, targets, reference, weights, settling, q, outcome)
     alone = outcome[:, PROJECTED_GRADIENT] == np.inf
@@ -74,8 +74,6 @@ def settle(chain, settings, targets, reference, weights, weight, settling, q, ou
         some, told = q[left], outcome[left]
         settle_alone(chain, settings, targets[left], reference, weights, settling, some, told)
         q[left], outcome[left] = some, told
-    if weight != 0.0:
-        trade_off_each(chain, settings, targets, reference, weights, weight, settling, q, outcome)
 
 
 @kernel

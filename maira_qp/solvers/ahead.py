@@ -122,7 +122,7 @@ class _Problem:
 
     def settle(self) -> None:
         """Of a q that does not reach the pose, kernels do what they do where few targets lead."""
-        self.engine._settle(self.asked.rows, self.q, self.after)
+        self.engine.settle(self.asked.rows, None, self.q, self.after)
 
 
 def _solve(robot: Robot) -> None:
@@ -167,7 +167,7 @@ def _proofs() -> None:
 def _small() -> None:
     """What takes a second or less each."""
     from maira_qp.kernels.starts import has_long_slides
-    from maira_qp.solvers.compiled import SUCCESS, unwind
+    from maira_qp.solvers.compiled import SUCCESS, has_free_turn, unwind, unwind_free
 
     problem = _Problem(_six_axes("continuous"), Weighted(Posture(), weight=1e-3))
     turns, robot = problem.engine.turns, Robot.maira()
@@ -175,6 +175,10 @@ def _small() -> None:
     for rows in (1, 2):  # a column of one row is contiguous, which makes it another type
         q, outcome = problem.q.repeat(rows, 0), problem.outcome.repeat(rows, 0)
         unwind(problem.engine.chain, turns.aim[None], outcome[:, SUCCESS], q)
+    posture, weights = problem.engine.redundancy[2:].reshape(2, -1)  # type: ignore[index]
+    free = problem.engine.chain, turns.aim[None], posture, weights
+    has_free_turn(*free, problem.q)
+    unwind_free(*free, np.ones(1, dtype=bool), problem.q)
     has_long_slides(problem.engine.chain)
     streams(problem.asked.rows, SEED_0)
     robot.jacobians(np.zeros((1, robot.n)))

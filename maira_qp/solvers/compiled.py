@@ -13,7 +13,14 @@ from maira_qp.kernels.best_swivel import ROWS, reach_near_posture
 from maira_qp.kernels.blocked import FLOATS, INTEGERS, PIECES
 from maira_qp.kernels.closed_form_search import reach_in_closed_form
 from maira_qp.kernels.descent import lanes_memory
-from maira_qp.kernels.lane_walk import MAX_SETTLING, OBJECTIVE, PROJECTED_GRADIENT, REACHED, STATIONARITY_TOLERANCE
+from maira_qp.kernels.lane_walk import (
+    ITERATIONS,
+    MAX_SETTLING,
+    OBJECTIVE,
+    PROJECTED_GRADIENT,
+    REACHED,
+    STATIONARITY_TOLERANCE,
+)
 from maira_qp.kernels.lane_walk import OUTCOME as SETTLED
 from maira_qp.kernels.lanes import LANES
 from maira_qp.kernels.nearest import nearest_points
@@ -30,13 +37,15 @@ from maira_qp.kernels.search import (
     memory_sizes,
     search,
 )
-from maira_qp.kernels.settling import settle
+from maira_qp.kernels.settling import settle, trade_off_each
 from maira_qp.kernels.starts import has_long_slides, place_all
-from maira_qp.kernels.whole_turns import unwind
+from maira_qp.kernels.whole_turns import TURN, has_free_turn, unwind, unwind_free
 from maira_qp.orientation import ORTHONORMAL_WITHIN
+from maira_qp.robots.whole_turns import WITHIN
 from maira_qp.solvers.chain_arrays import KIND, WEIGHT, WEIGHTED, ChainArrays
 from maira_qp.solvers.descent import Budget
 from maira_qp.solvers.near_start import NearStart
+from maira_qp.solvers.neighbourhood import TURNINGS
 from maira_qp.solvers.search import HEAD, Search, found_by_kernel
 from maira_qp.solvers.shares import NEVER, Progress, in_shares, parts
 from maira_qp.solvers.targets import SEED_0, streams
@@ -191,12 +200,73 @@ class Compiled(ChainArrays):
             nearest_in_closed_form(*problem, self.proofs.span, rows, streams, shuffled, tolerance, near, end)
             q[some], outcome[some] = near, end
 
-    def _settle(self, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
-        """Settle the redundancy at the configurations q (N, n), in place, that reach the targets (N, 12)."""
-        n, own = self.robot.n, self.redundancy
-        assert own is not None
-        weight = own[WEIGHT] if own[KIND] == WEIGHTED else 0.0
-        settle(self.chain, self.settings, rows, own[2 : 2 + n], own[2 + n :], weight, self.settling, q, after)
+    def settle(self, rows: np.ndarray, near: np.ndarray | None, q: np.ndarray, after: np.ndarray) -> None:
+        """Settle the redundancy at the configurations q (N, n), in place, that reach the targets (N, 12).
+
+        Joints turn to what is `near`, (N, n) or (1, n), as `_at_turns` says; None: they keep their turns.
+        """
+        self._settle_strictly(rows, q, after)
+        if near is not None:
+            self._at_turns(rows, near, self._posture, self._settle_strictly, q, after)
+        if self.trades_off:
+            self._trade_off(rows, q, after)
+            if near is not None:
+                self._at_turns(rows, near, self._posture, self._trade_off_again, q, after)
+
+    @property
+    def trades_off(self) -> bool:
+        """There is a redundancy, and it is `Weighted`."""
+        return self.redundancy is not None and self.redundancy[KIND] == WEIGHTED
+
+    @cached_property
+    def _posture(self) -> tuple[np.ndarray, np.ndarray]:
+        """Reference (n,) and weights (n,) of the redundancy's objective."""
+        assert self.redundancy is not None
+        return self.redundancy[2 : 2 + self.robot.n], self.redundancy[2 + self.robot.n :]
+
+    def _settle_strictly(self, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
+        """To the optima of the objective alone."""
+        settle(self.chain, self.settings, rows, *self._posture, self.settling, q, after)
+
+    def _trade_off(self, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
+        """From there to the optima of the weighted sum."""
+        weight = self.redundancy[WEIGHT]  # type: ignore[index]
+        trade_off_each(self.chain, self.settings, rows, *self._posture, weight, self.settling, q, after)
+
+    def _trade_off_again(self, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
+        """From near such optima."""
+        after[:, [REACHED, ITERATIONS]] = 1.0, 0.0
+        self._trade_off(rows, q, after)
+
+    def _at_turns(
+        self,
+        rows: np.ndarray,
+        near: np.ndarray,
+        posture: tuple[np.ndarray, np.ndarray],
+        refine: Callable[[np.ndarray, np.ndarray, np.ndarray], None],
+        q: np.ndarray,
+        after: np.ndarray,
+    ) -> None:
+        """Turn joints of q (N, n), which was refined, to the whole turns nearest to what is `near`, in place.
+
+        No joint is turned to where the cost of a posture (n,) by weights (n,) is higher. What was turned is refined
+        again: limits that held a joint up may be a whole turn away.
+        """
+        if not has_free_turn(self.chain, near, *posture, q):
+            return
+        which = after[:, PROJECTED_GRADIENT] < np.inf
+        for _ in range(TURNINGS):
+            turned, there = which.copy(), q.copy()
+            unwind_free(self.chain, near, *posture, turned, there)
+            some = np.flatnonzero(turned)
+            if not len(some):
+                return
+            q_some, end = there[some], np.empty((len(some), SETTLED))
+            refine(rows[some], q_some, end)
+            end[:, ITERATIONS] += after[some, ITERATIONS]
+            worse = (self._is_settled(after[some]) & ~self._is_settled(end)) | (end[:, REACHED] < after[some, REACHED])
+            q[some[~worse]], after[some[~worse]] = q_some[~worse], end[~worse]
+            which[some[worse]] = False
 
     def _settle_elsewhere(self, asked: Asked, k: int, q: np.ndarray, outcome: np.ndarray, after: np.ndarray) -> None:
         """Try to settle target k, which resists, from where later attempts reach it: q and both outcomes in place.
@@ -214,7 +284,7 @@ class Compiled(ChainArrays):
             begun, end = found[0, ATTEMPT], np.full((1, SETTLED), np.nan)
             if self.turns is not None:
                 unwind(self.chain, self.turns.aim[None], found[:, SUCCESS], there)
-            self._settle(asked.rows[some], there, end)
+            self.settle(asked.rows[some], self.references(asked.some(some)), there, end)
             if self._is_settled(end)[0] and end[0, OBJECTIVE] <= WORTH * after[k, OBJECTIVE]:
                 found[0, SPENT] += outcome[k, SPENT]
                 q[k], outcome[k], after[k] = there[0], found[0], end[0]
@@ -231,7 +301,7 @@ class Compiled(ChainArrays):
         """
         after = np.full((len(q), SETTLED), np.nan)
         if self.settles:
-            self._settle(asked.rows, q, after)
+            self.settle(asked.rows, self.references(asked), q, after)
             if not len(asked.starts):
                 for k in np.flatnonzero((outcome[:, SUCCESS] > 0.0) & ~self._is_settled(after)).tolist():
                     self._settle_elsewhere(asked, k, q, outcome, after)
@@ -239,18 +309,37 @@ class Compiled(ChainArrays):
             return after
         short = np.flatnonzero(~(outcome[:, SUCCESS] > 0.0) & np.isfinite(outcome[:, FINAL_COST]))
         if len(short):
-            q[short], after[short] = self.nearest(asked.rows[short], q[short])
+            q[short], after[short] = self.nearest(asked.rows[short], self.references(asked.some(short)), q[short])
         return after
 
-    def nearest(self, rows: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The stationary points of the pose error that q (N, n) lead to, and second outcomes (N, 6)."""
-        reference, weights = np.full(self.robot.n, np.nan), np.zeros(self.robot.n)
-        if self.redundancy is not None and self.settles:
-            reference, weights = self.redundancy[2:].reshape(2, -1)
-        q, after = q.copy(), np.empty((len(q), SETTLED))
-        tolerance, most = self.settling[STATIONARITY_TOLERANCE], int(self.settling[MAX_SETTLING])
-        nearest_points(self.chain, self.settings, rows, reference, weights, tolerance, most, q, after)
+    def references(self, asked: Asked) -> np.ndarray | None:
+        """What joints are turned to: the starts (N, n), or the posture wished for (1, n); None: they have one turn."""
+        if not self._has_turns:
+            return None
+        return asked.starts if len(asked.starts) else self.turns.aim[None]  # type: ignore[union-attr]
+
+    @cached_property
+    def _has_turns(self) -> bool:
+        """Some joint can stand at more than one turn."""
+        span = (self.robot.upper - self.robot.lower)[~self.robot.slides]
+        return bool((span > TURN + WITHIN).any())
+
+    def nearest(self, rows: np.ndarray, near: np.ndarray | None, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The stationary points of the pose error that q (N, n) lead to, and second outcomes (N, 6).
+
+        Joints turn to what is `near`, (N, n) or (1, n), as `_at_turns` says; None: they keep their turns.
+        """
+        q, after, free = q.copy(), np.empty((len(q), SETTLED)), np.zeros(self.robot.n)
+        self._approach(rows, q, after)
+        if near is not None:
+            self._at_turns(rows, near, (free, free), self._approach, q, after)
         return q, after
+
+    def _approach(self, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
+        """To the stationary points of the pose error, in place."""
+        posture = self._posture if self.settles else (np.full(self.robot.n, np.nan), np.zeros(self.robot.n))
+        tolerance, most = self.settling[STATIONARITY_TOLERANCE], int(self.settling[MAX_SETTLING])
+        nearest_points(self.chain, self.settings, rows, *posture, tolerance, most, q, after)
 
     def descend(self, row: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where single descents from starts (N, n) toward a target (12,) end: q (N, n), outcomes (N, 7)."""
@@ -269,7 +358,7 @@ class Compiled(ChainArrays):
     def settled(self, row: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The optima of the redundancy near q (N, n), which reach a target (12,), and whether they are reached (N,)."""
         q, outcome = q.copy(), np.empty((len(q), SETTLED))
-        self._settle(np.tile(row, (len(q), 1)), q, outcome)
+        self.settle(np.tile(row, (len(q), 1)), None, q, outcome)
         return q, (outcome[:, REACHED] > 0.0) & self._is_settled(outcome)
 
     def search(

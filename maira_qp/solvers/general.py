@@ -19,7 +19,7 @@ from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.robots.configuration import Configuration
 from maira_qp.solvers.descent import Budget, Descent
 from maira_qp.solvers.limbs import search_limbs
-from maira_qp.solvers.neighbourhood import turned
+from maira_qp.solvers.neighbourhood import TURNINGS, is_closer, turned
 from maira_qp.solvers.priorities import Priorities, Targets
 from maira_qp.solvers.search import Reached, Search, better_of, follow, found_by_kernel, nearest, stationarity
 from maira_qp.solvers.setting import Setting
@@ -108,7 +108,7 @@ class General:
         if start is not None:
             near = follow(cost, self.setting.robot.at(start), self.setting, budget, reached)
             if near.reached or budget.late():
-                return Search(near.end, 0, left=near.left)
+                return Search(near.end, 0, False, near.left, near.steady)
         found = screen(self.screening, row, cost, self.setting, budget, rng, reached, start)
         return found if near is None else better_of(near, found, cost, self.setting, budget, reached)
 
@@ -165,6 +165,27 @@ class General:
         settled = settle(wish, cost, best.at, self.setting, budget, reached)
         return settled.at, settled.projected_gradient
 
+    def _refined_at_turns(
+        self,
+        best: Descent,
+        cost: TaskCost,
+        wish: Weighted | Strict | None,
+        reached: Reached,
+        budget: Budget,
+        start: np.ndarray | None,
+    ) -> tuple[Configuration, float]:
+        """The same with joints at the whole turns nearest to a start (n,), or without to the posture wished for."""
+        near = self.priorities.turns.aim if start is None else start
+        costs = [cost.value, *(objective.cost for objective in (() if wish is None else wish.objectives))]
+        at, gradient = self._refined(best, cost, wish, reached, budget)
+        for _ in range(TURNINGS):
+            nearer = turned(at, near, self.setting, costs)
+            if nearer is at:
+                break
+            best = replace(best, at=nearer, cost=cost.value(nearer))  # limits that held joints up may be a turn away
+            at, gradient = self._refined(best, cost, wish, reached, budget)
+        return at, gradient
+
     def _finish(
         self,
         found: Search,
@@ -181,13 +202,11 @@ class General:
         `start` (n,) is q0 (n,) within the limits.
         """
         setting, tolerance = self.setting, self.setting.options.stationarity_tolerance
-        at, gradient = self._refined(found.best, cost, wish, reached, budget)
-        if start is not None:
-            wished = () if wish is None else wish.objectives
-            nearer = turned(at, start, setting, [cost.value, *(objective.cost for objective in wished)])
-            if nearer is not at:  # a limit that held a joint up may be a whole turn away now
-                best = replace(found.best, at=nearer, cost=cost.value(nearer))
-                at, gradient = self._refined(best, cost, wish, reached, budget)
+        at, gradient = self._refined_at_turns(found.best, cost, wish, reached, budget, start)
+        near = found.near if isinstance(wish, Weighted) else None
+        if near is not None and not is_closer(cost.value(at), near.cost, cost, setting.options):
+            found = replace(found, best=near, left=False)  # what it was left for is no better once traded off
+            at, gradient = self._refined_at_turns(near, cost, wish, reached, budget, start)
         fresh = self.setting.robot.at(self.setting.robot.clip(at.q))
         success = reached(fresh)
         position, orientation = residual(cost, fresh)

@@ -24,6 +24,7 @@ from maira_qp.kernels.descent import (
 )
 from maira_qp.kernels.lane_walk import ITERATIONS, PROJECTED_GRADIENT, REACHED, STATIONARITY_TOLERANCE
 from maira_qp.kernels.lane_walk import ORIENTATION_ERROR as ORIENTATION_LEFT
+from maira_qp.kernels.lane_walk import OUTCOME as SETTLED
 from maira_qp.kernels.lane_walk import POSITION_ERROR as POSITION_LEFT
 from maira_qp.kernels.search import (
     ATTEMPT,
@@ -82,7 +83,7 @@ class NearStart:
                 end[left[self.engine.proofs.unreachable(some.rows[left])], SUCCESS] = PROVED
             elif len(left):
                 there = self._look_elsewhere(some.some(left), halted)
-                near[left], end[left] = self._better((near[left], end[left]), there)
+                near[left], end[left] = self._better(some.some(left), (near[left], end[left]), there)
             q[part], outcome[part] = near, end
 
     def search_in_time(self, asked: Asked, q: np.ndarray, outcome: np.ndarray, budget: Budget) -> None:
@@ -95,7 +96,7 @@ class NearStart:
         if there[1][0, SUCCESS] == 0.0 and not budget.late():
             self.elsewhere.find_in_time(asked.anywhere, *there, budget)
             self._turn_and_approach(asked, *there)
-        q[:], outcome[:] = self._better((q, outcome), there)
+        q[:], outcome[:] = self._better(asked, (q, outcome), there)
 
     def _follow(self, asked: Asked, q: np.ndarray, outcome: np.ndarray) -> None:
         """To the pose or a nearest point, in place; where a descent wandered, in short steps if that ends nearer."""
@@ -112,7 +113,8 @@ class NearStart:
         arrived = (outcome[again, SUCCESS] > 0.0) & (end[:, SUCCESS] > 0.0)
         taken = steady & ~(arrived & (_displacements(near, some.starts) >= far[again]))
         which = again[taken]
-        q[which], outcome[which] = self._better((near[taken], end[taken]), (q[which], outcome[which]))
+        wandered = q[which], outcome[which]
+        q[which], outcome[which] = self._better(asked.some(which), (near[taken], end[taken]), wandered)
 
     def _look_nearer(self, asked: Asked, q: np.ndarray, outcome: np.ndarray) -> None:
         """Where a descent reaches its target, but only far away: what does so near the start, in place."""
@@ -184,9 +186,7 @@ class NearStart:
         short = np.flatnonzero(~steady & np.isfinite(outcome[:, FINAL_COST]))
         if not len(short):
             return steady
-        near, end = engine.nearest(asked.rows[short], q[short])
-        unwind(engine.chain, asked.starts[short], np.ones(len(short)), near)
-        q[short] = near
+        q[short], end = engine.nearest(asked.rows[short], engine.references(asked.some(short)), q[short])
         outcome[short, SUCCESS] = end[:, REACHED]
         outcome[short, SPENT] += end[:, ITERATIONS]
         outcome[short, POSITION_ERROR] = end[:, POSITION_LEFT]
@@ -197,29 +197,40 @@ class NearStart:
         )
         return steady
 
-    def _better(self, near: Found, there: Found) -> Found:
+    def _better(self, asked: Asked, near: Found, there: Found) -> Found:
         """Of what is near and what is there the former, unless the latter is worth leaving for."""
         (q, end), (other, found) = near, there
-        arrived = end[:, SUCCESS] > 0.0
-        closer = self._weighted_errors(end) - self._weighted_errors(found) > self._margin
-        leaves = ~arrived & ((found[:, SUCCESS] > 0.0) | closer)
+        arrived, reached = end[:, SUCCESS] > 0.0, found[:, SUCCESS] > 0.0
+        errors = self._weighted_errors(found)
+        if self.engine.trades_off and reached.any():
+            errors[reached] = self._traded_off(asked.some(reached), other[reached])
+            reached[:] = False
+        leaves = ~arrived & (reached | (self._weighted_errors(end) - errors > self._margin))
         outcome = np.where(leaves[:, None], found, end)
         outcome[:, MOVED], outcome[:, LEFT] = end[:, MOVED], leaves | (end[:, LEFT] > 0.0)
         outcome[:, ATTEMPT], outcome[:, SPENT] = found[:, ATTEMPT], end[:, SPENT] + found[:, SPENT]
         outcome[~arrived & (found[:, SUCCESS] == PROVED), SUCCESS] = PROVED
         return np.where(leaves[:, None], other, q), outcome
 
+    def _traded_off(self, asked: Asked, q: np.ndarray) -> np.ndarray:
+        """|W e| (N,) that a redundancy by weight leaves of the errors of q (N, n), which reach their targets."""
+        q, end = q.copy(), np.empty((len(q), SETTLED))
+        self.engine.settle(asked.rows, self.engine.references(asked), q, end)
+        return self._weighted(end[:, [POSITION_LEFT, ORIENTATION_LEFT]])
+
     def _weighted_errors(self, outcome: np.ndarray) -> np.ndarray:
         """|W e| (N,) of outcomes (N, 9)."""
+        return self._weighted(outcome[:, [POSITION_ERROR, ORIENTATION_ERROR]])
+
+    def _weighted(self, errors: np.ndarray) -> np.ndarray:
+        """|W e| (N,) of errors of position and orientation (N, 2)."""
         weights = self.engine.settings[[POSITION_WEIGHT, ORIENTATION_WEIGHT]]
-        return np.linalg.norm(weights * outcome[:, [POSITION_ERROR, ORIENTATION_ERROR]], axis=1)
+        return np.asarray(np.linalg.norm(weights * errors, axis=1))
 
     @property
     def _margin(self) -> float:
         """|W (position tolerance, orientation tolerance)|."""
-        settings = self.engine.settings
-        weights = settings[[POSITION_WEIGHT, ORIENTATION_WEIGHT]]
-        return float(np.linalg.norm(weights * settings[[POSITION_TOLERANCE, ORIENTATION_TOLERANCE]]))
+        return float(self._weighted(self.engine.settings[None, [POSITION_TOLERANCE, ORIENTATION_TOLERANCE]])[0])
 
 
 def _displacements(q: np.ndarray, starts: np.ndarray) -> np.ndarray:

@@ -3,7 +3,8 @@
 With a start q0 the descent from there is followed to its end, the pose or a nearest point. Its answer stands unless
 another start leads to a result that is better by more than the tolerances: one that reaches the pose, or a nearest
 point whose weighted error |W e| is smaller by more than |W (position tolerance, orientation tolerance)|. Then one of
-the two errors, too, is smaller by more than its tolerance. Either way each joint that has a turn or more ends at the
+the two errors, too, is smaller by more than its tolerance. What reaches the pose only to be traded off for the posture,
+as with `Weighted`, counts by the error that this leaves. Either way each joint that has a turn or more ends at the
 one nearest to q0, unless something that is asked for is worse there.
 """
 
@@ -33,6 +34,9 @@ second times the root of the weighted error |W e| of its start: so far a stretch
 
 SHORT_STEP = 0.1
 """Where a descent from q0 wandered, it is made again in steps that move no joint by more [rad or m]."""
+
+TURNINGS = 3
+"""Times that joints are turned, and what was refined at other turns is refined again, at most."""
 
 ROUNDING = 1e-9
 """Whole turns change a cost by a smaller share, where nothing feels them."""

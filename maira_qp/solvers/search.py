@@ -56,6 +56,8 @@ class Search:
     """That nothing reaches the target is proved."""
     left: bool = False
     """It is from another start than the one that was given."""
+    near: Descent | None = None
+    """Where what it left had ended, if that is known."""
 
 
 def found_by_kernel(robot: Robot, q: np.ndarray, outcome: Sequence[float]) -> Search:
@@ -86,8 +88,9 @@ def search(
     if near is not None and last > 0 and (near.wandered or not near.reached) and not budget.late():
         found = _search_beside(cost, near.start, setting, budget, reached, last)
         if near.reached:
-            nearer = found is not None and near.is_beyond(found.best)
-            return Search(found.best, 0) if found is not None and nearer else Search(near.end, 0, left=near.left)
+            if found is not None and near.is_beyond(found.best):
+                return Search(found.best, 0)
+            return Search(near.end, 0, False, near.left, near.steady)
     if found is None and (near is None or not (near.reached or last == 0 or budget.late())):
         found = _search_anywhere(cost, near is not None, last, setting, budget, rng, reached, is_hopeless)
     if near is None:
@@ -95,7 +98,7 @@ def search(
         return found
     if found is None:
         proved = not (near.reached or budget.late()) and is_hopeless is not None and is_hopeless()
-        return Search(near.end, 0, proved, near.left)
+        return Search(near.end, 0, proved, near.left, near.steady)
     return better_of(near, found, cost, setting, budget, reached)
 
 
@@ -157,8 +160,13 @@ class Followed:
     end: Descent
     wandered: bool
     """It moved a joint further than its first error asks for."""
-    left: bool = False
-    """It ends elsewhere than in short steps, where it is better by more than the tolerances."""
+    steady: Descent | None = None
+    """Where it ends in short steps, if it ends elsewhere, where it is better by more than the tolerances"""
+
+    @property
+    def left(self) -> bool:
+        """It ends elsewhere than in short steps."""
+        return self.steady is not None
 
     def is_beyond(self, other: Descent) -> bool:
         """It ends further away than another one."""
@@ -189,7 +197,8 @@ def follow(
         return Followed(start, steady, displacement(steady.at.q, start.q) > NEAR)
     closer = is_closer(end.cost, steady.cost, cost, setting.options)
     leaves = end.reached or closer
-    return Followed(start, end if leaves or not is_stationary else steady, True, leaves and is_stationary)
+    taken = end if leaves or not is_stationary else steady
+    return Followed(start, taken, True, steady if leaves and is_stationary else None)
 
 
 def _followed(
@@ -230,8 +239,8 @@ def better_of(
         leaves = best.reached or is_closer(best.cost, near.end.cost, cost, setting.options)
     if leaves:
         at = turned(best.at, near.start.q, setting, [cost.value])
-        return Search(replace(best, at=at), found.restarts, found.proved, left=True)
-    return Search(near.end, found.restarts, found.proved, near.left)
+        return Search(replace(best, at=at), found.restarts, found.proved, True, near.end)
+    return Search(near.end, found.restarts, found.proved, near.left, near.steady)
 
 
 def attempt_from(

@@ -175,8 +175,9 @@ class Solver(Shown):
                 With q0, the answer leaves its basin or turn only for a result better by more than the tolerances, and
                 says so: `left_q0` and `max_joint_change`. It is where the descent from q0 ends, at the pose or at a
                 nearest point, unless another start leads to the pose, or to a nearest point whose weighted error |W e|
-                is smaller by more than |W (position_tolerance, orientation_tolerance)|; and each joint ends at the
-                whole turn nearest to q0.
+                is smaller by more than |W (position_tolerance, orientation_tolerance)|, with `Weighted` once traded
+                off. From there the redundancy is optimised along the self-motion. Each joint ends at the whole turn
+                nearest to q0, or where the redundancy's objective is higher there, at one nearer to its optimum.
             rng: generator or seed of what is random about the starts; None: seed 0, so that the same call gives the
                 same answer. Other seeds begin elsewhere, and may find another configuration that reaches the target.
             observe: called with each configuration (n,) on the way, starts included, for pictures of the iteration;
@@ -344,16 +345,21 @@ class Solver(Shown):
         return all_solutions(self._priorities, self._setting, self._compiled, targets, objective.of(self.robot), seed)
 
     def _closest(self, targets: Targets, posture: Posture, seed: np.ndarray) -> Solution:
-        """The nearest of all solutions to a posture, settled there; without any, what is found from it."""
+        """The nearest of all solutions to a posture, settled there, and of what is found from it.
+
+        A list that is not complete may lack what a descent from the posture leads to.
+        """
         from maira_qp.solvers.enumeration import nearest_solution
 
         q0, by_distance = posture.q_ref, self._with_redundancy(Strict(posture))
         q = nearest_solution(by_distance._priorities, self._setting, self._compiled, targets, posture, seed)
+        near = by_distance._answer(targets, q0, seed)
         if q is None:
-            return by_distance._answer(targets, q0, seed)
-        near = by_distance._answer(targets, q, seed)
-        left = not self._without_restarts()._answer(targets, q0, seed).success
-        return replace(near, _start=q0, left_q0=left, start_projected=bool((self.robot.clip(q0) != q0).any()))
+            return near
+        listed = by_distance._answer(targets, q, seed)
+        if near.success and not (listed.success and listed.cost < near.cost):
+            return near
+        return replace(listed, _start=q0, left_q0=near.left_q0, start_projected=near.start_projected)
 
     def _with_redundancy(self, redundancy: Strict) -> Solver:
         """The same solver with another redundancy, made for the robot."""
@@ -361,14 +367,6 @@ class Solver(Shown):
         other._priorities = replace(self._priorities, redundancy=redundancy)
         other._compiled = None if self._compiled is None else self._compiled.preferring(redundancy)
         other._general = replace(self._general, priorities=other._priorities, compiled=other._compiled)
-        return other
-
-    def _without_restarts(self) -> Solver:
-        """The same solver with descents from the start alone."""
-        other = copy(self)
-        other._setting = replace(self._setting, options=replace(self.options, max_restarts=0))
-        other._compiled = None if self._compiled is None else replace(self._compiled, last_attempt=0)
-        other._general = replace(self._general, setting=other._setting, compiled=other._compiled)
         return other
 
     def step(
