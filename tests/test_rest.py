@@ -24,6 +24,18 @@ def conflict(kind, frame, target, elsewhere):
     return [mq.OrientationTask(target=target), mq.PositionTask(target=elsewhere, priority=2)]
 
 
+def until_rest(solver, q):
+    """The last step of at most 20 s of ticks, and whether all joints stood for its last 30 ticks."""
+    quiet = 0
+    for _ in range(2000):
+        step = solver.step(q, None, 0.01)
+        q = step.q
+        quiet = quiet + 1 if (np.abs(step.velocity) <= 1e-6 * solver.robot.velocity_limit).all() else 0
+        if quiet >= 30:
+            break
+    return step, quiet >= 30
+
+
 @pytest.mark.parametrize(
     ("name", "kind", "backend"),
     [
@@ -42,15 +54,35 @@ def test_two_levels_in_conflict_come_to_rest_and_stay(name, kind, backend):
         elsewhere = mq.pose(rng.uniform(-1.5, 1.5, 3))
         q = robot.random_configuration(rng)
         solver = mq.Solver(robot, task=conflict(kind, robot.moved_links[3], target, elsewhere), backend=backend)
-        quiet = 0
-        for _ in range(2000):
-            step = solver.step(q, None, 0.01)
-            q = step.q
-            quiet = quiet + 1 if (np.abs(step.velocity) <= 1e-6 * robot.velocity_limit).all() else 0
-            if quiet >= 30:
-                break
-        assert quiet >= 30, seed
+        step, quiet = until_rest(solver, q)
+        assert quiet, seed
         assert step.status in (mq.StepStatus.NEAREST, mq.StepStatus.ARRIVED), seed
+
+
+@pytest.mark.parametrize(
+    ("name", "seeds", "backend"),
+    [
+        ("maira", (0, 2, 4, 7, 9, 10), None),
+        ("panda", range(3), None),
+        ("iiwa14", range(3), None),
+        ("maira", [2], "daqp"),
+    ],
+)
+def test_three_levels_in_conflict_come_to_rest(name, seeds, backend):
+    """Through weak rows of a level at its edge, flat valleys beside a limit, and what looks like a saddle point."""
+    robot = {"maira": mq.Robot.maira, "iiwa14": mq.Robot.iiwa14}.get(name, lambda: load(name))()
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        target, elsewhere = robot.forward(robot.random_configuration(rng)), mq.pose(rng.uniform(-1.5, 1.5, 3))
+        tasks = [
+            mq.PositionTask(target=target),
+            mq.PositionTask(frame=robot.moved_links[3], target=elsewhere, priority=2),
+            mq.OrientationTask(target=target, priority=3),
+        ]
+        solver = mq.Solver(robot, task=tasks, backend=backend)
+        step, quiet = until_rest(solver, robot.random_configuration(rng))
+        assert quiet, seed
+        assert step.status == mq.StepStatus.NEAREST, seed
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from maira_qp.kernels.box_qp import solve_box_qp
-from maira_qp.kernels.compilation import inner_kernel
+from maira_qp.kernels.compilation import bare_kernel, inner_kernel
 from maira_qp.kernels.null_space import NONE, extend, null_basis, others, reduce
 from maira_qp.kernels.positive_part import make_positive
 from maira_qp.kernels.row_qp import solve_row_qp
@@ -40,12 +40,20 @@ def solve_each_level(objectives, share, work):
         _descend_first(M, g, lower, upper, work)
     if not solve_box_qp(M, g, lower, upper, A, work.free, work.side, work.y, dq):
         return 0
+    worth = 1.0
+    if work.still[0] > 0.0:
+        for i in range(n):
+            g[i] = share * c[0, i]
+        worth = _worth(H[0], mu[0], g, dq, work.still[0])
+        for i in range(n):
+            worth = worth if lower[i] <= 0.0 <= upper[i] else 1.0
     for i in range(n):
+        dq[i] *= worth
         displacements[0, i] = min(max(dq[i], lower[i]), upper[i])
         held[i] = not lower[i] < upper[i]
     count = others(held, joints)
     for level in range(1, len(objectives)):
-        rank = add_rows(work, level - 1, joints[:count], rank)
+        rank = add_rows(work, level - 1, joints[:count], rank, ROW_THRESHOLD)
         k = count - rank
         if k == 0:
             return level
@@ -64,10 +72,24 @@ def solve_each_level(objectives, share, work):
         else:
             make_positive(M, k, A, V)
         solve_row_qp(M, b, k, Z, low, high, work.row_memory, work.row_index, z, part)
+        worth = _worth(H[level], mu[level], g, part, work.still[level]) if work.still[level] > 0.0 else 1.0
         for i in range(n):
-            dq[i] += part[i]
+            dq[i] += worth * part[i]
             displacements[level, i] = min(max(dq[i], lower[i]), upper[i])
     return len(objectives)
+
+
+@bare_kernel
+def _worth(H, mu, c, step, still):
+    """The share of a step (n,) that is worth its way, as `maira_qp.problem.hierarchy._worth`; c (n,) the gradient."""
+    fall, square = 0.0, 0.0
+    for i in range(len(step)):
+        s = 2.0 * c[i] + mu * step[i]
+        for j in range(len(step)):
+            s += H[i, j] * step[j]
+        fall -= 0.5 * s * step[i]
+        square += step[i] * step[i]
+    return max(0.0, 1.0 - still * math.sqrt(square) / fall) if fall > 0.0 else 0.0
 
 
 @inner_kernel
@@ -131,8 +153,11 @@ def descend(H, c, k, Z, saddle, A, V, x):
 
 
 @inner_kernel
-def add_rows(work, level, joints, rank):
-    """Factor what the levels below this one must leave as it is: the rank so far. `joints` are those that move."""
+def add_rows(work, level, joints, rank, threshold):
+    """Factor what the levels below this one must leave as it is: the rank so far. `joints` are those that move.
+
+    Pivots below the threshold, a share of the longest row or of the first pivot, count as zero.
+    """
     F, rows, ends = work.F, work.rows, work.ends
     n, longest = len(joints), 0.0
     first = ends[level - 1] if level > 0 else 0
@@ -144,4 +169,4 @@ def add_rows(work, level, joints, rank):
             F[a, rank + r] = value
             square += value * value
         longest = max(longest, square)
-    return extend(F, n, rank, rank + m, ROW_THRESHOLD, math.sqrt(longest), work.tau, work.order)
+    return extend(F, n, rank, rank + m, threshold, math.sqrt(longest), work.tau, work.order)

@@ -39,7 +39,7 @@ from maira_qp.kernels.tree import forward, path_jacobian, path_to, place
 NUDGE = 1e-5
 """As in `maira_qp.problem.tasks.task`."""
 
-SADDLE, FLAT, STATIONARY, STEEP = 1e-3, 1e-5, 0.1, 1e-5
+SADDLE, FLAT, STATIONARY, STEEP, WORTH = 1e-3, 1e-5, 0.1, 1e-5, 2e-9
 """As in `maira_qp.solvers.tick_models`."""
 
 # the columns of `objectives`
@@ -319,8 +319,11 @@ def add_gauss_newton(level, work):
 
 
 @inner_kernel
-def finish_model(level, bends, asked, damping, least_damping, work):
-    """The damping of a level with its Hessian in work.H, and below which curvature it leaves a saddle point."""
+def finish_model(level, bends, is_bent, asked, damping, least_damping, work):
+    """The damping of a level with its Hessian in work.H, which curvature it leaves, and which steps it does not take.
+
+    `is_bent` tells that rows above are directions in which their level bends.
+    """
     H, largest, left = work.H[level], 0.0, work.left_norms[level]
     for i in range(len(H)):
         for j in range(len(H)):
@@ -328,6 +331,8 @@ def finish_model(level, bends, asked, damping, least_damping, work):
     steep = left * work.gradients[level] / math.sqrt(largest) if largest > 0.0 else 0.0
     mu = damping * min(max(steep, STEEP * left * left), left * left, 1.0)
     work.mu[level] = mu + least_damping * largest + asked
-    stationary = steep <= STATIONARY * left * left
+    stationary = steep <= STATIONARY * left * left and not is_bent
     work.saddle[level] = (SADDLE * left * math.sqrt(largest) if stationary else math.inf) if bends else -1.0
     work.flat[level] = FLAT * left * math.sqrt(largest)
+    work.gradients[level] /= max(1.0, left * math.sqrt(largest))
+    work.still[level] = WORTH * left * math.sqrt(largest) if bends else 0.0

@@ -14,7 +14,7 @@ from maira_qp.kernels.null_space import NONE, null_basis, others, reduce
 from maira_qp.kernels.tree import VELOCITY
 
 # as in `maira_qp.solvers.tick_models`
-SINGULAR, FILTER, ABOVE, PASSES, NEAR, BENDS, NOTHING = 1e-2, 4, 1e-4, 4, 0.1, 1e-6, 1e-9
+SINGULAR, FILTER, ABOVE, PASSES, NEAR, BENDS, NOTHING = 1e-2, 4, 1e-5, 4, 0.1, 1e-6, 1e-9
 HESSIAN_THRESHOLD = 1e-6
 """As in `maira_qp.problem.costs`."""
 
@@ -160,17 +160,20 @@ def _weighted_residual(objective, rows, held, nu, work):
 
 @inner_kernel
 def add_bent_directions(tree, objectives, level, work):
-    """Add to the rows of a level the directions in which it bends though its rows do not feel them."""
+    """Add to the rows of a level the directions in which it bends though its rows do not feel them.
+
+    Returns whether it added any.
+    """
     rows, ends, F, Z, M, A, V, joints = work.rows, work.ends, work.F, work.Z, work.M, work.A, work.V, work.joints
     n, held, rank = len(tree), work.held, NONE
     for i in range(n):
         held[i] = not tree[i, LOWER] < tree[i, UPPER]
     count = others(held, joints)
     for k in range(level + 1):
-        rank = add_rows(work, k, joints[:count], rank)
+        rank = add_rows(work, k, joints[:count], rank, ABOVE)
     k = count - rank
     if k == 0:
-        return
+        return False
     flat = work.flat[level]
     if objectives[level, WEIGHT] != 0.0:
         largest = 0.0
@@ -184,6 +187,7 @@ def add_bent_directions(tree, objectives, level, work):
         A[0, 0], V[0, 0] = M[0, 0], 1.0
     else:
         diagonalise(M, k, A, V)
+    added = False
     for p in range(k):
         if abs(A[p, p]) <= flat:
             continue
@@ -194,3 +198,5 @@ def add_bent_directions(tree, objectives, level, work):
             rows[ends[level], i] = s
         work.errors[ends[level]] = 0.0
         ends[level] += 1
+        added = True
+    return added

@@ -60,14 +60,15 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
         return fault
     lower, upper, step, trial = work.lower, work.upper, work.step, work.trial
     level_costs(tree, parents, tasks, places, objectives, work, q, work.values)
+    is_bent = False
     for level in range(len(objectives)):
         asked = level_model(tree, parents, tasks, places, objectives, level, work, q)
         bends = find_residual(tree, objectives, level, work, q, dt)
         add_curvature(tree, parents, tasks, places, level, bends, work, q)
         add_gauss_newton(level, work)
-        finish_model(level, bends, asked, numbers[DAMPING], numbers[LEAST_DAMPING], work)
+        finish_model(level, bends, is_bent, asked, numbers[DAMPING], numbers[LEAST_DAMPING], work)
         if level + 1 < len(objectives) and (bends or objectives[level, WEIGHT] != 0.0):
-            add_bent_directions(tree, objectives, level, work)
+            is_bent = (add_bent_directions(tree, objectives, level, work) and bends) or is_bent
     share, solved = 1.0, len(objectives)
     for timeless in range(int(numbers[IS_SLOW]), -1, -1):
         if timeless > 0:

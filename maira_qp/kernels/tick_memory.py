@@ -27,7 +27,7 @@ TickWork = namedtuple(
             "near_rows",
             "near_J",
         ),  # (n, 12), (3, 12), (6, n), (n, 6) near q
-        *("kept", "saddle", "gradients", "left_norms", "flat"),  # (T, 2) of errors by task; by level
+        *("kept", "saddle", "gradients", "left_norms", "flat", "still"),  # (T, 2) of errors by task; by level
         *("order", "counts", "ends"),  # of int64: of factored rows; how long a task's path is; where a level's rows end
     ),
 )
@@ -39,7 +39,7 @@ def memory_sizes(n, tasks, rows, levels):
     most = max(rows, n)
     lines = 2 * levels + rows + 4 * n + 4 + 12
     floats = 12 * (n + 4 * tasks) + 6 * (tasks + 20 + tasks * n) + 18 + (levels + 5) * n * n + lines * n
-    floats += (most + 3) * (most + n) + 8 * levels
+    floats += (most + 3) * (most + n) + 9 * levels
     floats += 2 * rows * rows + (levels + 4) * rows + 24 * n + 36 + 2 * tasks
     return floats, (tasks + 8) * n + most + n + tasks + levels
 
@@ -59,7 +59,7 @@ def make_work(n, tasks, rows, levels, memory, index):
     squares, lines = memory[c:d].reshape(-1, n, n), memory[d:e].reshape(-1, n)
     wides, by_level, whole = memory[e:f].reshape(-1, wide), memory[f:], index[: (tasks + 8) * n].reshape(-1, n)
     rest, single = index[(tasks + 8) * n :], lines[2 * levels + rows + 4 * n + 4 :]
-    g = f + 8 * levels
+    g = f + 9 * levels
     h = g + 2 * rows * rows
     i = h + (levels + 4) * rows
     j = i + 24 * n + 36
@@ -129,6 +129,7 @@ def make_work(n, tasks, rows, levels, memory, index):
         by_level[5 * levels : 6 * levels],
         by_level[6 * levels : 7 * levels],
         by_level[7 * levels : 8 * levels],
+        by_level[8 * levels : 9 * levels],
         rest[:wide],
         rest[wide : wide + tasks],
         rest[wide + tasks :],

@@ -58,6 +58,8 @@ class Level:
 
     saddle: float | None = None
     """Curvature below minus this is left by a step of `ESCAPE` at least; None: no step has a least size"""
+    still: float = 0.0
+    """A step is not taken for which the cost falls by no more than this per rad or m of it"""
 
     def damped(self, mu: float) -> Level:
         """The same with `1/2 mu |dq|^2` added (Levenberg-Marquardt)."""
@@ -141,7 +143,9 @@ def solve_each_level(
     solution = backend.solve(first.qp)
     if not solution.found:
         return []
-    dq, Z = _shortened(first, solution.x, bounds), first.Z[:, : int((bounds.lower < bounds.upper).sum())]
+    stands = not bounds.rest.any() and bool((bounds.h >= 0).all())
+    z = _worth(first, solution.x, levels[0]) if stands else solution.x
+    dq, Z = _shortened(first, z, bounds), first.Z[:, : int((bounds.lower < bounds.upper).sum())]
     displacements = [np.clip(dq, bounds.lower, bounds.upper)]
     for above, level in pairwise(levels):
         bounds = _with_wishes_kept(bounds, above, dq)
@@ -149,7 +153,7 @@ def solve_each_level(
         if Z.shape[1] == 0 or (end is not None and time.monotonic() >= end):
             break
         below = build_next(level, bounds, dq, Z)
-        dq = _shortened(below, _solve_in_null_space(below.qp, backend), bounds)
+        dq = _shortened(below, _worth(below, _solve_in_null_space(below.qp, backend), level), bounds)
         displacements.append(np.clip(dq, bounds.lower, bounds.upper))
     return displacements
 
@@ -247,6 +251,18 @@ def _solve_in_null_space(qp: QP, backend: Backend) -> np.ndarray:
     low = np.max(room[g < 0], initial=-np.inf)
     high = np.min(room[g > 0], initial=np.inf)
     return np.clip(-qp.c / qp.H[0], low, high)
+
+
+def _worth(problem: Subproblem, z: np.ndarray, level: Level) -> np.ndarray:
+    """The part of z (k,) that is worth its way: none where the cost falls by no more than `Level.still` of its length.
+
+    The fall is that of the quadratic model as it is, negative curvature and all, and within the limits.
+    """
+    if level.still == 0.0 or level.wishes is not None:
+        return z
+    step, g = problem.Z @ z, level.c + level.H @ problem.start
+    fall, least = -float(step @ (g + 0.5 * (level.H @ step))), level.still * float(np.linalg.norm(step))
+    return max(0.0, 1.0 - least / fall) * z if fall > 0.0 else 0.0 * z
 
 
 def _shortened(problem: Subproblem, z: np.ndarray, bounds: Bounds) -> np.ndarray:

@@ -27,12 +27,12 @@ would cost it: those directions in the null space of its rows in which its Hessi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from maira_qp.problem.costs import HESSIAN_RANK_THRESHOLD, LevelObjective, TaskCost
-from maira_qp.problem.hierarchy import RANK_THRESHOLD, Level, largest_row, null_space
+from maira_qp.problem.hierarchy import Level, largest_row, null_space
 from maira_qp.problem.limits import Bounds
 from maira_qp.robots.configuration import Configuration
 
@@ -42,7 +42,7 @@ SINGULAR = 1e-2
 FILTER = 4
 """The power of F."""
 
-DEPENDENT = 1e-4
+DEPENDENT = 1e-5
 """sqrt(eps) as a share of the size of K."""
 
 PASSES = 4
@@ -61,7 +61,13 @@ SADDLE, FLAT = 1e-3, 1e-5
 """Shares of |r'| sqrt(max |H|): negative curvature beyond the first is left, curvature below the second is none."""
 
 STATIONARY = 0.1
-"""A level may stand at a saddle point if its gradient is below this share of |r'| sqrt(max |H|)."""
+"""A level may stand at a saddle point if its gradient is below this share of |r'| sqrt(max |H|).
+
+How directions bend in which a level above does, nothing tells: below such a level no curvature is known to be negative.
+"""
+
+WORTH = 2e-9
+"""A share of |r'| sqrt(max |H|): a step that takes away less than this of the error per rad or m is not taken."""
 
 LEAST_DAMPING = 1e-7
 """Floor of the damping as a share of the largest entry of H: the shortest of the steps that do the same."""
@@ -110,13 +116,13 @@ class TickModel:
     bent: int
     """How many of its rows are directions in which it bends, behind those of its tasks"""
     gradient: float
-    """Norm of its gradient where nothing holds it"""
+    """Norm of its gradient where nothing holds it, as a share of |r'| sqrt(max |H|) where that is larger than 1"""
 
 
 def tick_models(levels: Sequence[LevelObjective], at: Configuration, reach: Reach, damping: float) -> list[TickModel]:
     """The models of the levels in falling priority."""
     models: list[TickModel] = []
-    K = np.empty((0, at.n))
+    K, is_bent = np.empty((0, at.n)), False
     for number, level in enumerate(levels):
         A, r = level.tasks.rows(at)
         g, W = level.gradient(at), level.objective_hessian(at)
@@ -139,10 +145,12 @@ def tick_models(levels: Sequence[LevelObjective], at: Configuration, reach: Reac
         if number + 1 < len(levels) and (bends or level.objectives):
             bent = bent_directions(np.vstack([K, A]), C, reach.locked, flat)
         rows = np.vstack([A, bent])
-        saddle = SADDLE * size if steep <= STATIONARY * squared else np.inf
-        model = Level(H, level.pull(at), rows, level.cost(at), float(r @ r), saddle=saddle if bends else None)
-        models.append(TickModel(model.damped(mu), pressed[len(G) :], len(bent), float(np.linalg.norm(free))))
-        K = np.vstack([K, rows])
+        saddle = SADDLE * size if steep <= STATIONARY * squared and not is_bent else np.inf
+        model = Level(H, level.pull(at), rows, level.cost(at), float(r @ r))
+        model = replace(model, saddle=saddle, still=WORTH * size) if bends else model
+        gradient = float(np.linalg.norm(free)) / max(1.0, size)
+        models.append(TickModel(model.damped(mu), pressed[len(G) :], len(bent), gradient))
+        K, is_bent = np.vstack([K, rows]), is_bent or (bends and len(bent) > 0)
     return models
 
 
@@ -210,7 +218,7 @@ def remaining_error(
 def bent_directions(rows: np.ndarray, C: np.ndarray, locked: np.ndarray, flat: float) -> np.ndarray:
     """Directions (k, n) in the null space of the rows (m, n) in which the curvature C (n, n) is beyond `flat`."""
     Z = np.eye(len(C))[:, ~locked]
-    Z = Z @ null_space(rows @ Z, RANK_THRESHOLD, size=largest_row(rows))
+    Z = Z @ null_space(rows @ Z, DEPENDENT, size=largest_row(rows))
     values, V = np.linalg.eigh(Z.T @ C @ Z)
     return (Z @ V[:, np.abs(values) > flat]).T
 
