@@ -33,6 +33,10 @@ ACCURATE: Mapping[str, Mapping[str, Any]] = MappingProxyType(
 )
 """Settings of each backend for residuals of about 1e-8 or below on a QP of size 1."""
 
+NONE: Mapping[str, Any] = MappingProxyType({})
+DEGENERATE: Mapping[str, Mapping[str, Any]] = MappingProxyType({"daqp": {"eps_prox": 1e-4}})
+"""Settings that a backend is tried with again where it fails: proximal-point steps, where limits meet in a corner."""
+
 FAR = 1e8
 """A box bound beyond this, on a QP of size 1, is left out at first, and put in only if the solution breaks it: some
 backends return zero where bounds are so large."""
@@ -100,6 +104,8 @@ class Backend:
             answer = self._answer(near)
             if near is not unit and answer.x is not None and np.abs(answer.x).max() > FAR:
                 answer = self._answer(unit)
+            if not answer.found and self.name in DEGENERATE:
+                answer = self._answer(unit, DEGENERATE[self.name])
         except Exception as reason:  # whatever a backend raises, its QP was not solved
             return _nothing(qp, f"{self.name}: {reason}")
         if not answer.found or answer.x is None or not np.isfinite(answer.x).all():
@@ -114,12 +120,12 @@ class Backend:
             z_box=z_box,
         )
 
-    def _answer(self, qp: QP) -> qpsolvers.Solution:
+    def _answer(self, qp: QP, settings: Mapping[str, Any] = NONE) -> qpsolvers.Solution:
         import qpsolvers
 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # backends warn of what the status says
-            return qpsolvers.solve_problem(self._problem(qp), self.name, **self.settings)
+            return qpsolvers.solve_problem(self._problem(qp), self.name, **{**self.settings, **settings})
 
     def _problem(self, qp: QP) -> qpsolvers.Problem:
         import qpsolvers
