@@ -279,7 +279,7 @@ def test_degrees_in_and_out_metres_for_sliding_joints(run, tmp_path):
         "x,y,z,roll,pitch,yaw,q0_joint1,q0_joint2\n0,0.5,0.25,0,0,90,89,0.3\n0,0.5,0.25,0,0,,,\n"
     )
     code, out, _ = run(tmp_path / "poses.csv", "--robot", crane, "--deg", "--json")
-    assert code == 1
+    assert code == 5
     found = read(tmp_path / "poses.solved.csv")
     np.testing.assert_allclose([found["q_joint1"][0], found["q_joint2"][0]], [90, 0.25], atol=1e-4)
     assert found["restarts"][0] == 0
@@ -300,7 +300,7 @@ def test_a_row_without_a_pose_spoils_only_itself(run, tmp_path, maira, asked, ki
     if kind == "csv":
         path.write_text(path.read_text().replace("nan", ""))
     code, out, _ = run(path, "--json")
-    assert code == 1
+    assert code == 5
     summary = json.loads(out)
     assert (summary["solved"], summary["without_pose"], summary["budget_spent"]) == (9, 3, 0)
     found = read(tmp_path / f"poses.solved.{kind}")

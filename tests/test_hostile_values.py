@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import maira_qp as mq
-from maira_qp.errors import MairaError
+from maira_qp.errors import MairaError, OptionError
 
 
 class Odd:
@@ -190,3 +190,11 @@ def test_counts_of_numpy_are_counts(solver):
     for threads in (np.int64(2), 2.0):
         assert solver.solve_batch([T, T], threads=threads).success.all()
     assert mq.Options(max_iterations=np.int32(7), max_restarts=3.0).max_restarts == 3
+
+
+def test_a_tick_without_its_length_asks_for_it(solver):
+    """Not in words of the NaN that stands for it; a NaN of the caller is named."""
+    with pytest.raises(OptionError, match=r"needs its length dt in seconds: step\(q, target, dt\)"):
+        solver.step(Q, T)
+    with pytest.raises(OptionError, match="got nan"):
+        solver.step(Q, T, np.nan)

@@ -209,6 +209,18 @@ def test_a_link_shape_of_size_zero_is_a_point_a_sheet_or_a_ball(geometry, reach)
 
 
 @pytest.mark.parametrize(
+    ("scale", "reach"), [("0 0 0", 0.0), ("0.2 0.2 0", 0.2), ("0 200 200", 0.0), ("-0.2 0 0", 0.2)]
+)
+def test_a_mesh_of_scale_zero_is_as_flat_as_that(tmp_path, scale, reach):
+    """As other sizes of zero; a mesh in millimetres is no thicker."""
+    lines = [f"v {x} {y} {z}" for x, y, z in CORNERS] + [f"f {i + 1} {j + 1} {k + 1}" for i, j, k in FACES]
+    (tmp_path / "cube.obj").write_text("\n".join(lines))
+    robot = gantry(collision(f'<mesh filename="cube.obj" scale="{scale}"/>'))
+    limit = CollisionLimit(obstacles=[Sphere(0.5, mq.pose([2, 0, 0]))], meshes=[tmp_path], influence=20).of(robot)
+    assert limit.distance(robot.at(np.zeros(3))) == pytest.approx(1.5 - reach, abs=3 * THICKNESS)
+
+
+@pytest.mark.parametrize(
     ("text", "words"),
     [
         ("<collision/>", "no geometry; valid names: sphere"),

@@ -490,7 +490,7 @@ BAD_NUMBER = [
     (joint("ab", "a", "b", ""), r"is revolute but has no limits: give it lower and upper \(type='continuous'"),
     (joint("ab", "a", "b", '<limit velocity="1" effort="1"/>'), "has no limits"),
     (joint("ab", "a", "b", "", "prismatic"), r"has no limits: .*; or at load, limits={'ab': \(lower, upper\)}$"),
-    (joint("ab", "a", "b", "", "floating"), "is floating, which is not supported: start behind it, base='b'"),
+    (joint("ab", "a", "b", "", "floating"), "is floating, which is not supported; start behind it, base='b'"),
     (joint("ab", "a", "b", "", "planar"), "is planar, which is not supported"),
     (joint("ab", "a", "b", kind="revolut"), "has the unknown type 'revolut'; did you mean 'revolute'"),
     (joint("ab", "a", "b").replace(' type="revolute"', ""), "joint 'ab' has no type; valid names: revolute"),
@@ -519,6 +519,12 @@ BAD_NUMBER = [
 def test_a_description_that_makes_no_sense_is_refused_with_its_reason(part, message):
     with pytest.raises(RobotError, match=message):
         read_urdf(robot(part, links="ab"))
+
+
+def test_a_joint_that_no_chain_can_have_is_avoided_in_the_words_of_either_interface():
+    with pytest.raises(RobotError) as reason:
+        read_urdf(robot(joint("ab", "a", "b", "", "floating"), links="ab"))
+    assert reason.value.for_shell.endswith("start behind it, --base b")
 
 
 def test_a_cycle_beside_a_good_tree_is_seen():

@@ -217,8 +217,11 @@ def _moving_joints(joints: Mapping[str, Joint], path: list[str]) -> dict[str, Jo
     moving: dict[str, Joint] = {}
     for joint in (joints[name] for name in path):
         if joint.kind in ("floating", "planar"):
-            behind = f"start behind it, base={joint.child!r}"
-            raise RobotError(f"joint {joint.name!r} is {joint.kind}, which is not supported: {behind}")
+            raise RobotError(
+                f"joint {joint.name!r} is {joint.kind}, which is not supported",
+                python=f"start behind it, base={joint.child!r}",
+                shell=f"start behind it, --base {joint.child}",
+            )
         if joint.kind == "fixed":
             continue
         _need_limits(joint)

@@ -42,6 +42,9 @@ if TYPE_CHECKING:
 
 Rng = np.random.Generator | int | None
 
+_NOT_GIVEN = float("nan")
+"""A `dt` that the caller left out: an object of its own, told from a NaN that was computed."""
+
 
 class Solver(Shown):
     """Constrained inverse kinematics of one robot. Immutable, so it can be shared between threads, and pickled."""
@@ -373,7 +376,7 @@ class Solver(Shown):
         self,
         q: Any,
         target: Any = None,
-        dt: float = math.nan,
+        dt: float = _NOT_GIVEN,
         *,
         velocity: Any = None,
         deadline: float | None = None,
@@ -398,6 +401,8 @@ class Solver(Shown):
 
         Raises `PoseError`, `ConfigurationError`, `OptionError`.
         """
+        if dt is _NOT_GIVEN:
+            raise OptionError("a tick needs its length dt in seconds: step(q, target, dt)")
         if not is_number(dt) or not 0 < dt < math.inf:
             raise OptionError(f"dt must be a positive number of seconds, got {shown(dt)}")
         if deadline is not None and not (is_number(deadline) and deadline > 0):

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from maira_qp.apps.commands.output import Angles, console, print_json, progress_bar
+from maira_qp.apps.commands.output import VERDICTS, Angles, console, print_json, progress_bar
 from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.apps.pose_files.answers import check_output, columns, left_out, write_answers
 from maira_qp.apps.pose_files.poses import Poses, blocks, read_poses
@@ -50,7 +50,7 @@ class Batch:
     project: bool
 
     def run(self, solver: Solver, angles: Angles, *, json: bool) -> int:
-        """Solves, writes and prints a summary; 0 if all are solved, else 1."""
+        """Solves, writes and prints a summary; 0 if all are solved, 5 if a row holds no pose, else 1."""
         joints = solver.robot.joint_names
         poses = read_poses(
             self.path,
@@ -78,7 +78,9 @@ class Batch:
             console(stderr=True).print(
                 f"left out of {output}: {name!r}, which has no entry for each pose", soft_wrap=True
             )
-        return 0 if answers["success"].all() else 1
+        if not poses.valid.all():
+            return VERDICTS["INVALID_TARGET"]
+        return VERDICTS["CONVERGED" if answers["success"].all() else "NEAREST"]
 
     def _solved(self, solver: Solver, poses: Poses, progress: Callable[[int, int], None]) -> Iterator[BatchSolution]:
         for rows in blocks(len(poses)):

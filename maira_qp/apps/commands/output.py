@@ -23,6 +23,9 @@ from maira_qp.errors import ConfigurationError, OptionError
 if TYPE_CHECKING:
     from maira_qp.robots.robot import Robot
 
+VERDICTS = {"CONVERGED": 0, "NEAREST": 1, "UNREACHABLE": 3, "BUDGET_SPENT": 4, "INVALID_TARGET": 5, "LIMITS_BROKEN": 6}
+"""Exit codes by the name of the status."""
+
 PICTURES = (".png", ".svg", ".pdf")
 NO_PICTURE = "pictures need matplotlib: pip install 'maira-qp[plot]'"
 WIDTH_OF_FILES = 160

@@ -25,9 +25,6 @@ if TYPE_CHECKING:
     from maira_qp.solvers.solution import Solution
     from maira_qp.solvers.solutions import Solutions
 
-VERDICTS = {"CONVERGED": 0, "NEAREST": 1, "UNREACHABLE": 3, "BUDGET_SPENT": 4, "INVALID_TARGET": 5, "LIMITS_BROKEN": 6}
-"""Exit codes by the name of the status."""
-
 UNBOUNDED = 100_000
 """Columns of a console that cuts nothing."""
 
@@ -51,7 +48,8 @@ class Solve:
     iterations, restarts, condition_number, left_q0 (whether the answer left its start for a better one),
     max_joint_change [rad or m] (of the joint that is farthest from its start; an empty cell without a start, in NPZ
     NaN), active_limits (with ; between) and q_<joint> [rad, or deg with --deg; m for a sliding joint]; in NPZ the same
-    as arrays (N,), and q (N, n) and joint_names. Exit code 0: all solved; 1: some not."""
+    as arrays (N,), and q (N, n) and joint_names. Exit code 0: all solved; 1: some not; 5: some rows hold no
+    pose."""
 
     choice: RobotFlags = field(default_factory=RobotChoice)
     pose: PoseFlags = field(default_factory=PoseChoice)
@@ -80,7 +78,7 @@ class Solve:
 
     def run(self) -> int:
         """Prints the solution, or the summary of a batch; the exit code as the class says."""
-        from maira_qp.apps.commands.output import Angles, print_json
+        from maira_qp.apps.commands.output import VERDICTS, Angles, print_json
         from maira_qp.robots.unit_hints import degrees_hint_of_angles
         from maira_qp.solvers.solver import Solver
 

@@ -25,6 +25,9 @@ log = logging.getLogger(__name__)
 
 KINDS = ("sphere", "box", "cylinder", "capsule", "mesh")
 
+FLAT = 1e-9
+"""What a scale of zero of a mesh becomes: the hull is flat then, and is given `THICKNESS`, whatever the mesh's unit."""
+
 
 class LinkShape(NamedTuple):
     """A shape, its pose in the link that it belongs to."""
@@ -62,7 +65,8 @@ def link_shapes(
 def shape_of(element: Element, link: str) -> Shape:
     """The shape of a `<collision>` or `<visual>`, without its file.
 
-    Sizes of zero, such as those of a sheet, become `THICKNESS`. Raises `RobotError`; `OptionError` for other sizes.
+    Sizes of zero, such as those of a sheet, become `THICKNESS`, scales of zero `FLAT`. Raises `RobotError`;
+    `OptionError` for other sizes.
     """
     geometry, origin = element.find("geometry"), element.find("origin")
     solid = next((part for part in geometry if part.tag in KINDS), None) if geometry is not None else None
@@ -78,7 +82,8 @@ def shape_of(element: Element, link: str) -> Shape:
         return kind(_size(solid, "radius"), _size(solid, "length"), pose, name=link)
     if not solid.get("filename"):
         raise RobotError("its mesh names no file")
-    return Mesh(solid.attrib["filename"], pose, _numbers(solid, "scale", "1 1 1"), name=link)
+    scale = [factor or FLAT for factor in _numbers(solid, "scale", "1 1 1")]
+    return Mesh(solid.attrib["filename"], pose, scale, name=link)
 
 
 def _pose(origin: Element) -> pin.SE3:
