@@ -16,8 +16,8 @@ from rich.console import Console
 from rich.table import Table
 
 import maira_qp as mq
-from maira_qp.kernels.search import OUTCOME, SUCCESS
-from maira_qp.solvers.compiled import Asked, Compiled
+from maira_qp.kernels.search.multi_start import OUTCOME, SUCCESS
+from maira_qp.solvers.compiled.engine import Asked, Compiled
 
 ARMS = {"maira": mq.Robot.maira, "iiwa14": mq.Robot.iiwa14}
 NO_STARTS = np.empty((0, 7))

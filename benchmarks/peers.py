@@ -20,7 +20,7 @@ from peers import arms, clock, line_up, ours, picture, questions, report, result
 from rich.console import Console
 from rich.progress import Progress
 
-from maira_qp.apps.whole_files import replace_text
+from maira_qp.io.atomic_write import replace_text
 
 HERE = Path(__file__).parent
 WARM_UP, GIVE_UP, TICKS, TICK = 20, 20, 500, 0.01

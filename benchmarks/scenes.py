@@ -19,7 +19,7 @@ from rich.console import Console
 from scenes import judge, problems, race, report
 from scenes.players import players
 
-from maira_qp.apps.whole_files import replace_text
+from maira_qp.io.atomic_write import replace_text
 
 HERE = Path(__file__).parent
 PAGE = HERE.parent / "docs" / "against_pink_and_mink.md"

@@ -10,13 +10,13 @@ from rich.console import Console
 from rich.progress import Progress
 
 import maira_qp as mq
-from maira_qp.apps.benchmark.records import write_csv
-from maira_qp.apps.benchmark.report import flat, legend, picture, tables
-from maira_qp.apps.benchmark.runner import plan, run
-from maira_qp.apps.benchmark.settings import Settings
-from maira_qp.apps.benchmark.statistics import summarise
-from maira_qp.apps.whole_files import replace_text
-from maira_qp.problem.backends import available
+from maira_qp.apps.commands.bench_report import flat, legend, picture, tables
+from maira_qp.evaluation.records import write_csv
+from maira_qp.evaluation.runner import plan, run
+from maira_qp.evaluation.settings import Settings
+from maira_qp.evaluation.statistics import summarise
+from maira_qp.io.atomic_write import replace_text
+from maira_qp.problem.qp.backends import available
 
 STUDIES = {
     "methods": Settings(targets=100),

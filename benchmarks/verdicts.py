@@ -15,12 +15,12 @@ from rich.table import Table
 from scipy.spatial.transform import Rotation
 
 import maira_qp as mq
-from maira_qp.kernels.blocked import FLOATS, INTEGERS, PIECES
-from maira_qp.kernels.search import OUTCOME, SUCCESS
-from maira_qp.kernels.verdict import POSSIBLE, verdicts
-from maira_qp.robots.srs import SRS
-from maira_qp.robots.srs_array import srs_array
-from maira_qp.solvers.compiled import Asked, Compiled
+from maira_qp.analytic.srs.arrays import srs_array
+from maira_qp.analytic.srs.geometry import SRS
+from maira_qp.kernels.search.multi_start import OUTCOME, SUCCESS
+from maira_qp.kernels.srs.swivel_intervals import FLOATS, INTEGERS, PIECES
+from maira_qp.kernels.srs.unreachability import POSSIBLE, verdicts
+from maira_qp.solvers.compiled.engine import Asked, Compiled
 
 VERDICTS = ("possible", "too far", "too near", "elbow", "swivel")
 ARMS = {"maira": mq.Robot.maira, "iiwa14": mq.Robot.iiwa14}

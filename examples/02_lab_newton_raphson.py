@@ -8,8 +8,8 @@ from rich import print
 from rich.table import Table
 
 import maira_qp as mq
-from maira_qp import baselines
 from maira_qp.apps import plots
+from maira_qp.evaluation import baselines
 
 STEP, EPS = 1.0, 1e-4  # share of a full Newton step; [m]
 rng, arm = np.random.default_rng(2), mq.Robot.iiwa14().dh

@@ -10,8 +10,8 @@ from rich import print
 from rich.table import Table
 
 import maira_qp as mq
-from maira_qp import baselines
 from maira_qp.apps import plots
+from maira_qp.evaluation import baselines
 
 chain = mq.DHTable(
     [

@@ -9,11 +9,12 @@ solution = solver.solve(mq.pose([0.4, 0.2, 0.9], quaternion=[1, 0, 0, 0]))
 
 from maira_qp import errors
 from maira_qp.orientation import pose_error
-from maira_qp.problem.backends import Backend
-from maira_qp.problem.collision import CollisionLimit
-from maira_qp.problem.limits import Limit, LinearLimit, Tick
+from maira_qp.problem.limits.collision import CollisionLimit
+from maira_qp.problem.limits.joint import Limit, LinearLimit, Tick
 from maira_qp.problem.objectives import LimitDistance, Manipulability, ObstacleDistance, Posture
+from maira_qp.problem.options import Options
 from maira_qp.problem.pose import pose
+from maira_qp.problem.qp.backends import Backend
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks.axis import AxisTask, LookAtTask
 from maira_qp.problem.tasks.frame import OrientationTask, PoseTask, PositionTask
@@ -23,13 +24,12 @@ from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.relative import RelativePoseTask
 from maira_qp.problem.tasks.swivel import SwivelTask
 from maira_qp.problem.tasks.task import Task
+from maira_qp.results.solution import BatchSolution, Solution, Status, Step, StepStatus
+from maira_qp.results.solution_set import ListedSolution, Solutions
 from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Mesh, Sphere
-from maira_qp.robots.dh import DHLink, DHTable
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.dh.table import DHLink, DHTable
+from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.ahead import compile
-from maira_qp.solvers.options import Options
-from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, StepStatus
-from maira_qp.solvers.solutions import ListedSolution, Solutions
 from maira_qp.solvers.solver import Solver
 
 __version__ = "0.1.0"

@@ -8,11 +8,11 @@ from conftest import load
 from numba import config
 
 import maira_qp as mq
-from maira_qp.kernels.descent import STATE, Lanes
-from maira_qp.kernels.lanes import LANES
-from maira_qp.kernels.search import OUTCOME, memory_sizes, search
+from maira_qp.kernels.jit.simd import LANES
+from maira_qp.kernels.search.levenberg_marquardt import STATE, Lanes
+from maira_qp.kernels.search.multi_start import OUTCOME, memory_sizes, search
 from maira_qp.problem.tasks.frame import FrameTask
-from maira_qp.solvers.compiled import Compiled
+from maira_qp.solvers.compiled.engine import Compiled
 
 nine_robots = pytest.mark.parametrize(
     "name", ["maira", "panda", "xarm7", "ur5_limited", "pr2_arm", "tiago", "kinova", "irb140", "talos_arm"]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import maira_qp as mq
-from maira_qp.robots.dh import DHLink, DHTable
+from maira_qp.robots.dh.table import DHLink, DHTable
 
 
 class RealRobot(NamedTuple):

@@ -11,11 +11,11 @@ from test_arcs import LIMITS
 from test_srs import iiwa14_without_offset, random_arm
 
 import maira_qp as mq
-from maira_qp.kernels.blocked import ARCS, CRITICAL, FLOATS, INTEGERS, PIECES, Work
-from maira_qp.kernels.closed_form import start
-from maira_qp.kernels.verdict import verdicts
-from maira_qp.robots.srs import SRS
-from maira_qp.robots.srs_array import srs_array
+from maira_qp.analytic.srs.arrays import srs_array
+from maira_qp.analytic.srs.geometry import SRS
+from maira_qp.kernels.srs.feasible_configuration import start
+from maira_qp.kernels.srs.swivel_intervals import ARCS, CRITICAL, FLOATS, INTEGERS, PIECES, Work
+from maira_qp.kernels.srs.unreachability import verdicts
 
 ARMS = ["maira", "iiwa14", "urdf", "no tool", *LIMITS]
 """Arms of the catalog, of a URDF, with the tip in the wrist, and at random: axes that are not at right angles, and

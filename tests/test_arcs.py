@@ -9,9 +9,9 @@ import pytest
 from test_srs import iiwa14_without_offset, random_arm, swivel_of, worst_error
 
 import maira_qp as mq
+from maira_qp.analytic.srs.arcs import MOST, Arc, _without, arcs, arcs_near
+from maira_qp.analytic.srs.geometry import BRANCHES, SRS, rotations, wrapped
 from maira_qp.orientation import pose_error
-from maira_qp.robots.arcs import MOST, Arc, _without, arcs, arcs_near
-from maira_qp.robots.srs import BRANCHES, SRS, rotations, wrapped
 
 PI = np.pi
 LIMITS = {

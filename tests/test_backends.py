@@ -5,9 +5,9 @@ import pytest
 
 import maira_qp as mq
 from maira_qp.errors import BackendError
-from maira_qp.problem import backends
-from maira_qp.problem.backends import Backend, available
-from maira_qp.problem.qp import QP
+from maira_qp.problem.qp import backends
+from maira_qp.problem.qp.backends import Backend, available
+from maira_qp.problem.qp.qp import QP
 
 BACKENDS = ["daqp", "proxqp", "osqp", "piqp", "clarabel"]
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from maira_qp import baselines
 from maira_qp.errors import ConfigurationError, OptionError, PoseError
-from maira_qp.robots.catalog import iiwa14, maira
-from maira_qp.robots.dh import DHLink, DHTable
+from maira_qp.evaluation import baselines
+from maira_qp.robots.dh.table import DHLink, DHTable
+from maira_qp.robots.model.catalog import iiwa14, maira
 
 MIXED = DHTable(
     [

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from maira_qp import baselines
 from maira_qp.errors import ConfigurationError, OptionError, PoseError
+from maira_qp.evaluation import baselines
 from maira_qp.orientation import nearest_rotation
-from maira_qp.robots.catalog import iiwa14, maira
-from maira_qp.robots.dh import DHLink, DHTable
+from maira_qp.robots.dh.table import DHLink, DHTable
+from maira_qp.robots.model.catalog import iiwa14, maira
 
 POINT = [0.526, 0.0, 0.78]  # Example 1 [m]
 PRINTED_EXAMPLE_1 = [0, -95.584, 0, -68.874, 0, 61.447, 0]  # [deg]

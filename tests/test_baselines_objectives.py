@@ -5,10 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from maira_qp import baselines
 from maira_qp.errors import ConfigurationError, OptionError
-from maira_qp.robots.catalog import iiwa14, maira
-from maira_qp.robots.dh import DHLink, DHTable
+from maira_qp.evaluation import baselines
+from maira_qp.robots.dh.table import DHLink, DHTable
+from maira_qp.robots.model.catalog import iiwa14, maira
 
 MIXED = DHTable(
     [

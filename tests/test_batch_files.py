@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation
 
 import maira_qp as mq
 from maira_qp.apps.cli import main
-from maira_qp.apps.pose_files import csv_table, poses
-from maira_qp.apps.whole_files import replacing
+from maira_qp.io import csv_table, poses
+from maira_qp.io.atomic_write import replacing
 
 FORMATS = ("csv", "npz", "parquet")
 MATRIX = [f"m{row}{column}" for row in range(4) for column in range(4)]
@@ -617,7 +617,7 @@ def test_a_killed_process_leaves_what_was_there(tmp_path):
     path = tmp_path / "answers.csv"
     path.write_text("whole\n")
     code = (
-        "import sys, time\nfrom maira_qp.apps.whole_files import replacing\n"
+        "import sys, time\nfrom maira_qp.io.atomic_write import replacing\n"
         f"with replacing({str(path)!r}) as file:\n"
         "    file.write(b'half'); file.flush(); print('now', flush=True); time.sleep(60)\n"
     )

@@ -7,11 +7,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from maira_qp.apps.benchmark.judge import Judge, Verdict, angle_between, turn
-from maira_qp.apps.benchmark.runner import judge_of
 from maira_qp.errors import RobotError
-from maira_qp.robots.dh import DHLink, DHTable
-from maira_qp.robots.robot import Robot
+from maira_qp.evaluation.judge import Judge, Verdict, angle_between, turn
+from maira_qp.evaluation.runner import judge_of
+from maira_qp.robots.dh.table import DHLink, DHTable
+from maira_qp.robots.model.robot import Robot
 
 
 def random_urdf(rng: np.random.Generator, joints: int) -> str:
@@ -187,7 +187,7 @@ def test_the_judge_shares_no_code_with_the_solver():
     import ast
     import inspect
 
-    from maira_qp.apps.benchmark import judge
+    from maira_qp.evaluation import judge
 
     imported = {
         name

@@ -10,15 +10,15 @@ import sys
 import numpy as np
 import pytest
 
-from maira_qp.apps.benchmark import runner
-from maira_qp.apps.benchmark.methods import METHODS, NO_BACKEND
-from maira_qp.apps.benchmark.records import RowFile, write_csv
-from maira_qp.apps.benchmark.runner import fingerprint, measure, plan, run
-from maira_qp.apps.benchmark.settings import Settings
 from maira_qp.arrays import plain
 from maira_qp.errors import BackendError, OptionError
-from maira_qp.robots.robot import Robot
-from maira_qp.solvers.options import Options
+from maira_qp.evaluation import runner
+from maira_qp.evaluation.methods import METHODS, NO_BACKEND
+from maira_qp.evaluation.records import RowFile, write_csv
+from maira_qp.evaluation.runner import fingerprint, measure, plan, run
+from maira_qp.evaluation.settings import Settings
+from maira_qp.problem.options import Options
+from maira_qp.robots.model.robot import Robot
 
 
 def small_plan(robot, **changes):
@@ -76,7 +76,7 @@ def test_a_killed_process_loses_no_whole_row(tmp_path):
     path = tmp_path / "rows.jsonl"
     code = (
         "import os, sys\n"
-        "from maira_qp.apps.benchmark.records import RowFile\n"
+        "from maira_qp.evaluation.records import RowFile\n"
         "file = RowFile(sys.argv[1], {'a': 1})\n"
         "for i in range(100):\n"
         "    file.append({'i': i})\n"
@@ -209,7 +209,7 @@ def test_the_judge_overrules_a_liar(maira):
     """A method that claims success without solving is counted as a false claim and as a failure."""
     from dataclasses import replace
 
-    from maira_qp.apps.benchmark.methods import Answer, Method
+    from maira_qp.evaluation.methods import Answer, Method
 
     made = small_plan(maira, targets=2, strata=("uniform",))
     liar = Method("liar", NO_BACKEND, lambda target: Answer(target.start, True, "CONVERGED", 1, 0))

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from maira_qp.apps.benchmark.runner import judge_of
-from maira_qp.apps.benchmark.settings import STRATA
-from maira_qp.apps.benchmark.targets import MARGIN, NEARNESS, TargetSource
 from maira_qp.errors import OptionError
-from maira_qp.robots.dh import DHLink, DHTable
-from maira_qp.robots.robot import Robot
+from maira_qp.evaluation.runner import judge_of
+from maira_qp.evaluation.settings import STRATA
+from maira_qp.evaluation.targets import MARGIN, NEARNESS, TargetSource
+from maira_qp.robots.dh.table import DHLink, DHTable
+from maira_qp.robots.model.robot import Robot
 
 REACHABLE = [stratum for stratum in STRATA if stratum != "out-of-reach"]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from maira_qp.solvers.brent import minima
+from maira_qp.analytic.brent import minima
 
 
 def test_minima_of_many_functions_are_found(rng):

@@ -5,7 +5,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from maira_qp.robots import catalog
+from maira_qp.robots.model import catalog
 
 
 def test_maira_is_the_published_table():

@@ -544,7 +544,7 @@ def test_the_command_line_stays_light():
     for module in (
         "matplotlib",
         "scipy.stats",
-        "maira_qp.apps.benchmark.runner",
+        "maira_qp.evaluation.runner",
         "maira_qp.apps.plots",
         "maira_qp.apps.plots.style",
         "rich.progress",

@@ -12,8 +12,8 @@ from numba import config
 
 import maira_qp
 from maira_qp.apps.cli import main
-from maira_qp.kernels import code_cache
-from maira_qp.kernels.compilation import bare_kernel
+from maira_qp.kernels.jit import code_cache
+from maira_qp.kernels.jit.decorators import bare_kernel
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
 
@@ -211,14 +211,14 @@ def test_the_command_shows_and_clears(use, folder, capsys):
 
 KERNELS = Path(maira_qp.__file__).parent / "kernels"
 INNER = """
-from maira_qp.kernels.compilation import bare_kernel
+from maira_qp.kernels.jit.decorators import bare_kernel
 
 @bare_kernel
 def twice(x):
     return 2.0 * x
 """
 OUTER = """
-from maira_qp.kernels.compilation import bare_kernel
+from maira_qp.kernels.jit.decorators import bare_kernel
 from maira_qp.kernels.inner import twice
 
 @bare_kernel

@@ -17,8 +17,8 @@ from conftest import load, urdf_file
 
 import maira_qp as mq
 from maira_qp.errors import MairaError, OptionError, RobotError
-from maira_qp.problem.collision import CollisionLimit, Contact
-from maira_qp.problem.limits import Tick
+from maira_qp.problem.limits.collision import CollisionLimit, Contact
+from maira_qp.problem.limits.joint import Tick
 from maira_qp.robots.collision.levers import levers
 from maira_qp.robots.collision.scene import Part
 from maira_qp.robots.collision.shapes import Box, Capsule, Sphere

@@ -11,11 +11,11 @@ from compiled_problems import arm, compiled, configurations, reachable_rows, sea
 from numba import config
 
 import maira_qp as mq
-from maira_qp.kernels.box_qp import solve_box_qp
-from maira_qp.kernels.parts import INLINE
+from maira_qp.kernels.jit.inlining import INLINE
+from maira_qp.kernels.qp.box_qp import solve_box_qp
+from maira_qp.problem.targets import rows_of
 from maira_qp.solvers import ahead
 from maira_qp.solvers.ahead import JOBS, VERBS, jobs
-from maira_qp.solvers.targets import rows_of
 
 
 def answers() -> np.ndarray:
@@ -86,7 +86,7 @@ AHEAD = """
 import numpy as np
 import maira_qp as mq
 from conftest import load
-from maira_qp.kernels.code_cache import CodeCache
+from maira_qp.kernels.jit.code_cache import CodeCache
 from maira_qp.solvers.ahead import JOBS
 
 for job in JOBS.values():

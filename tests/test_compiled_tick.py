@@ -13,7 +13,7 @@ from conftest import load
 from test_tasks import height_task
 
 import maira_qp as mq
-from maira_qp.solvers.compiled_tick import CompiledTick
+from maira_qp.solvers.compiled.step import CompiledTick
 
 ROBOTS = ["maira", "panda", "ur5", "tiago", "baxter_arms", "tiago_arms", "talos_arms", "allegro", "pr2_arms"]
 

@@ -8,7 +8,7 @@ from conftest import random_table
 from scipy.spatial.transform import Rotation
 
 from maira_qp.errors import ConfigurationError, RobotError
-from maira_qp.robots.dh import DHLink, DHTable
+from maira_qp.robots.dh.table import DHLink, DHTable
 
 
 def elementary(link, q):

@@ -11,9 +11,9 @@ from numba import config
 from maira_qp.apps import doctor
 from maira_qp.apps.cli import main
 from maira_qp.apps.doctor import State
-from maira_qp.kernels import code_cache
-from maira_qp.problem import backends
-from maira_qp.problem.qp import QPSolution
+from maira_qp.kernels.jit import code_cache
+from maira_qp.problem.qp import backends
+from maira_qp.problem.qp.qp import QPSolution
 from maira_qp.solvers.solver import Solver
 
 

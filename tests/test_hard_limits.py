@@ -12,7 +12,7 @@ from conftest import load
 
 import maira_qp as mq
 from maira_qp.errors import OptionError
-from maira_qp.problem.limits import Limit
+from maira_qp.problem.limits.joint import Limit
 
 FEW = mq.Options(max_restarts=10)
 

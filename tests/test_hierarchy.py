@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import qpsolvers
 
-from maira_qp.problem.backends import Backend
-from maira_qp.problem.hierarchy import (
+from maira_qp.problem.limits.joint import Bounds
+from maira_qp.problem.qp.backends import Backend
+from maira_qp.problem.qp.hierarchy import (
     RANK_THRESHOLD,
     Level,
     null_space,
@@ -14,7 +15,6 @@ from maira_qp.problem.hierarchy import (
     solve_each_level,
     solve_hierarchy,
 )
-from maira_qp.problem.limits import Bounds
 
 DAQP = Backend("daqp")
 

@@ -12,10 +12,10 @@ import pytest
 from conftest import misuse
 
 import maira_qp as mq
+from maira_qp.apps.arguments.pose_choice import read_matrix
 from maira_qp.apps.cli import main
-from maira_qp.apps.commands.pose_choice import read_matrix
-from maira_qp.apps.pose_files.poses import read_poses
 from maira_qp.errors import MairaError, PoseError, RobotError
+from maira_qp.io.poses import read_poses
 from maira_qp.regular_files import read_regular
 
 READERS = {
@@ -102,7 +102,7 @@ def test_packed_files_are_measured_unpacked(tmp_path, monkeypatch):
     path = tmp_path / "a.npz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("targets.npy", "w") as file:
         np.lib.format.write_array(file, np.zeros((1000, 4, 4)))
-    monkeypatch.setattr("maira_qp.apps.pose_files.npz_table.LARGEST_TABLE", 100_000)
+    monkeypatch.setattr("maira_qp.io.npz_table.LARGEST_TABLE", 100_000)
     with pytest.raises(PoseError, match="unpacks to 128128 bytes"):
         read_poses(path, ["a"])
     pyarrow = pytest.importorskip("pyarrow")
@@ -110,7 +110,7 @@ def test_packed_files_are_measured_unpacked(tmp_path, monkeypatch):
 
     names = ["x", "y", "z", "qw", "qx", "qy", "qz"]
     parquet.write_table(pyarrow.table({name: np.ones(10_000) for name in names}), tmp_path / "a.parquet")
-    monkeypatch.setattr("maira_qp.apps.pose_files.parquet_table.LARGEST_TABLE", 500_000)
+    monkeypatch.setattr("maira_qp.io.parquet_table.LARGEST_TABLE", 500_000)
     with pytest.raises(PoseError, match="unpacks to 560000 bytes"):
         read_poses(tmp_path / "a.parquet", ["a"])
 

@@ -11,7 +11,7 @@ from conftest import REAL_ROBOTS, load, random_table
 
 import maira_qp as mq
 from maira_qp.errors import OptionError, RobotError
-from maira_qp.robots.dh import DHLink
+from maira_qp.robots.dh.table import DHLink
 
 KEYS = ("lower", "upper", "velocity_limit", "effort_limit", "acceleration_limit")
 

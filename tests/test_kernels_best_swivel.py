@@ -6,13 +6,13 @@ from compiled_problems import few, row_of
 from srs_arms import ARMS, Arm, anywhere, hard_configurations, memory, poses_of, srs_arm
 
 import maira_qp as mq
-from maira_qp.kernels.best_swivel import ROUNDS, ROWS, half_square, reach_near_posture
-from maira_qp.kernels.descent import SETTINGS
-from maira_qp.kernels.lanes import LANES
-from maira_qp.kernels.search import OUTCOME, SUCCESS
-from maira_qp.kernels.spherical import COS_HALF, FIRST, RANGES
-from maira_qp.robots.serial_chain import chain_of
-from maira_qp.robots.srs import wrapped
+from maira_qp.analytic.srs.geometry import wrapped
+from maira_qp.kernels.jit.simd import LANES
+from maira_qp.kernels.search.levenberg_marquardt import SETTINGS
+from maira_qp.kernels.search.multi_start import OUTCOME, SUCCESS
+from maira_qp.kernels.srs.posture_seed import ROUNDS, ROWS, half_square, reach_near_posture
+from maira_qp.kernels.srs.spherical_joint import COS_HALF, FIRST, RANGES
+from maira_qp.robots.model.serial_chain import chain_of
 
 ANGLES = 2 * np.pi * np.arange(LANES * ROUNDS) / (LANES * ROUNDS)
 

@@ -7,10 +7,19 @@ from compiled_problems import arm, configurations, few, kinematic_work, nine_rob
 from numba import njit
 
 import maira_qp as mq
-from maira_qp.kernels.chain import LOWER, PRISMATIC, START_LOWER, START_UPPER, UPPER, forward, jacobian, jacobians
-from maira_qp.kernels.lanes import LANES, load, store
-from maira_qp.kernels.sine import sine_cosine
-from maira_qp.robots.serial_chain import chain_of
+from maira_qp.kernels.jit.simd import LANES, load, store
+from maira_qp.kernels.jit.simd_trig import sine_cosine
+from maira_qp.kernels.kinematics.serial_chain import (
+    LOWER,
+    PRISMATIC,
+    START_LOWER,
+    START_UPPER,
+    UPPER,
+    forward,
+    jacobian,
+    jacobians,
+)
+from maira_qp.robots.model.serial_chain import chain_of
 
 
 def assert_kinematics_of_pinocchio(robot: mq.Robot, rng, blocks: int) -> None:

@@ -18,11 +18,11 @@ from srs_arms import (
 )
 
 import maira_qp as mq
-from maira_qp.kernels.blocked import ARCS, CRITICAL, LOWER, UPPER, Work, block
-from maira_qp.kernels.spherical import FIRST, LAST, MIDDLE, angle, discriminant
-from maira_qp.kernels.swivel import SHOULDER, approach, bend, branch_at, swing, values_at
-from maira_qp.robots.arcs import _from_seam, _is_inside, arcs
-from maira_qp.robots.srs import ElbowBranch, wrapped
+from maira_qp.analytic.srs.arcs import _from_seam, _is_inside, arcs
+from maira_qp.analytic.srs.geometry import ElbowBranch, wrapped
+from maira_qp.kernels.srs.spherical_joint import FIRST, LAST, MIDDLE, angle, discriminant
+from maira_qp.kernels.srs.swivel import SHOULDER, approach, bend, branch_at, swing, values_at
+from maira_qp.kernels.srs.swivel_intervals import ARCS, CRITICAL, LOWER, UPPER, Work, block
 
 
 def circles_of(arm: Arm, T: np.ndarray, elbow: ElbowBranch) -> np.ndarray:

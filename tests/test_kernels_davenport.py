@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from srs_arms import random_rotation
 
-from maira_qp.robots.srs import REACHED_WITHIN, SphericalJoint, rotations, wrapped
+from maira_qp.analytic.srs.geometry import REACHED_WITHIN, SphericalJoint, rotations, wrapped
 
 
 def joint(rng: np.random.Generator, right_angles: bool) -> SphericalJoint:

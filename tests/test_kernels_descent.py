@@ -20,8 +20,9 @@ from numba import njit
 from test_kernels_chain import random_chain
 
 import maira_qp as mq
-from maira_qp.kernels.chain import LOWER, UPPER, jacobian
-from maira_qp.kernels.descent import (
+from maira_qp.kernels.jit.simd import LANES, load, select, store
+from maira_qp.kernels.kinematics.serial_chain import LOWER, UPPER, jacobian
+from maira_qp.kernels.search.levenberg_marquardt import (
     COST,
     ENDED,
     ITERATIONS,
@@ -37,12 +38,11 @@ from maira_qp.kernels.descent import (
     pose_cost,
     quadratic_model,
 )
-from maira_qp.kernels.lanes import LANES, load, select, store
-from maira_qp.problem.costs import TaskCost
-from maira_qp.solvers import descent as general
-from maira_qp.solvers.compiled import Compiled
-from maira_qp.solvers.search import stationarity
-from maira_qp.solvers.targets import pose_of
+from maira_qp.problem.qp.costs import TaskCost
+from maira_qp.problem.targets import pose_of
+from maira_qp.solvers.compiled.engine import Compiled
+from maira_qp.solvers.reference import levenberg_marquardt as general
+from maira_qp.solvers.reference.multi_start import stationarity
 
 helpers_compile_once = pytest.mark.xdist_group("helpers of the descent")
 

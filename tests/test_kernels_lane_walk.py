@@ -9,7 +9,8 @@ from test_kernels_qp import solve_eight
 from test_kernels_settling import STATIONARY, Problem, reached_starts
 
 import maira_qp as mq
-from maira_qp.kernels.lane_walk import (
+from maira_qp.kernels.jit.simd import LANES
+from maira_qp.kernels.refinement.stabilized_sqp_simd import (
     FIRST_DAMPING,
     ITERATIONS,
     LEAST_DAMPING,
@@ -24,9 +25,8 @@ from maira_qp.kernels.lane_walk import (
     make_walks,
     walk_in_lanes,
 )
-from maira_qp.kernels.lanes import LANES
 from maira_qp.problem.redundancy import Strict
-from maira_qp.solvers.settling import FIRST_RADIUS, LEAST_RADIUS, RESOLUTION, RESTORED
+from maira_qp.solvers.reference.null_space_sqp import FIRST_RADIUS, LEAST_RADIUS, RESOLUTION, RESTORED
 
 
 def walks(problem: Problem, rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

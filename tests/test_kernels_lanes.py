@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from maira_qp.kernels.lanes import (
+from maira_qp.kernels.jit.simd import (
     LANES,
     any_lane,
     floor,

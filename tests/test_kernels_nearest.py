@@ -6,11 +6,11 @@ from compiled_problems import few, first_in_plain_python
 from conftest import load
 
 import maira_qp as mq
-from maira_qp.kernels.descent import lanes_memory
-from maira_qp.kernels.lane_newton import newton_in_lanes
-from maira_qp.kernels.lanes import LANES
+from maira_qp.kernels.jit.simd import LANES
+from maira_qp.kernels.refinement.newton_simd import newton_in_lanes
+from maira_qp.kernels.search.levenberg_marquardt import lanes_memory
 from maira_qp.orientation import pose_error
-from maira_qp.solvers.compiled import Compiled
+from maira_qp.solvers.compiled.engine import Compiled
 
 TOLERANCE = 1e-7
 

@@ -5,16 +5,16 @@ import pytest
 from compiled_problems import few
 from scipy.optimize import nnls
 
-from maira_qp.kernels.eigenvectors import diagonalise
-from maira_qp.kernels.ldl import factor_ldl, solve_ldl
-from maira_qp.kernels.null_space import balance, extend, factor, null_vector, shortest_solution
-from maira_qp.kernels.positive_part import make_positive
-from maira_qp.kernels.restoration import RANK_THRESHOLD
-from maira_qp.kernels.row_qp import solve_row_qp
-from maira_qp.problem.backends import Backend
-from maira_qp.problem.hierarchy import RANK_THRESHOLD as THRESHOLD_OF_THE_HIERARCHY
-from maira_qp.problem.hierarchy import null_space, positive_part
-from maira_qp.problem.qp import QP
+from maira_qp.kernels.linalg.convexify import make_positive
+from maira_qp.kernels.linalg.ldl import factor_ldl, solve_ldl
+from maira_qp.kernels.linalg.qr_null_space import balance, extend, factor, null_vector, shortest_solution
+from maira_qp.kernels.linalg.symmetric_eigen import diagonalise
+from maira_qp.kernels.qp.null_space_qp import solve_row_qp
+from maira_qp.kernels.refinement.feasibility_restoration import RANK_THRESHOLD
+from maira_qp.problem.qp.backends import Backend
+from maira_qp.problem.qp.hierarchy import RANK_THRESHOLD as THRESHOLD_OF_THE_HIERARCHY
+from maira_qp.problem.qp.hierarchy import null_space, positive_part
+from maira_qp.problem.qp.qp import QP
 
 
 class Factored:

@@ -7,8 +7,8 @@ from compiled_problems import few, row_of
 from numba import njit
 
 import maira_qp as mq
-from maira_qp.kernels.lanes import LANES, load, store
-from maira_qp.kernels.pose_error import arctangent, pose_error
+from maira_qp.kernels.jit.simd import LANES, load, store
+from maira_qp.kernels.spatial.pose_error import arctangent, pose_error
 from maira_qp.orientation import matrix_from_quaternion, quaternion_exp
 
 NEAR_PI = ("near pi about x", "near pi about y", "near pi about z", "near pi about any axis")

@@ -5,11 +5,11 @@ import pytest
 from compiled_problems import few
 from numba import njit
 
-from maira_qp.kernels.box_qp import BLOCK_PASSES, solve_box_qp
-from maira_qp.kernels.lane_qp import solve_box_qps
-from maira_qp.kernels.lanes import LANES, select, store
-from maira_qp.problem.backends import Backend
-from maira_qp.problem.qp import QP, QPSolution
+from maira_qp.kernels.jit.simd import LANES, select, store
+from maira_qp.kernels.qp.box_qp import BLOCK_PASSES, solve_box_qp
+from maira_qp.kernels.qp.box_qp_simd import solve_box_qps
+from maira_qp.problem.qp.backends import Backend
+from maira_qp.problem.qp.qp import QP, QPSolution
 
 
 @njit

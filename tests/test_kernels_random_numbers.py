@@ -3,7 +3,7 @@
 import numpy as np
 from compiled_problems import arm, reachable_rows
 
-from maira_qp.kernels.random_numbers import next_random, state_of, stream_of, streams_of
+from maira_qp.kernels.search.random_numbers import next_random, state_of, stream_of, streams_of
 
 WORD = 2**64
 

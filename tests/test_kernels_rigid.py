@@ -5,7 +5,7 @@ import pytest
 from compiled_problems import row_of
 
 import maira_qp as mq
-from maira_qp.kernels.rigid import FINE, NOT_FINITE, NOT_RIGID, pose_row, pose_rows
+from maira_qp.kernels.spatial.pose_validation import FINE, NOT_FINITE, NOT_RIGID, pose_row, pose_rows
 from maira_qp.orientation import ORTHONORMAL_WITHIN, nearest_rotation, orthonormality_deviation, rigid
 
 

@@ -19,12 +19,11 @@ from compiled_problems import (
 from test_kernels_starts import features_of, nearest_of, poses_of, start_of
 
 import maira_qp as mq
-from maira_qp.kernels.chain import START_LOWER, START_UPPER
-from maira_qp.kernels.descent import MAX_ITERATIONS
-from maira_qp.kernels.lanes import LANES
-from maira_qp.kernels.random_numbers import state_of, stream_of
-from maira_qp.kernels.rigid import FINE, NOT_FINITE, NOT_RIGID, pose_row
-from maira_qp.kernels.search import (
+from maira_qp.kernels.jit.simd import LANES
+from maira_qp.kernels.kinematics.serial_chain import START_LOWER, START_UPPER
+from maira_qp.kernels.kinematics.unwrap import unwind
+from maira_qp.kernels.search.levenberg_marquardt import MAX_ITERATIONS
+from maira_qp.kernels.search.multi_start import (
     ATTEMPT,
     FAR_START,
     FARTHEST_START,
@@ -37,11 +36,12 @@ from maira_qp.kernels.search import (
     admit,
     memory_sizes,
 )
-from maira_qp.kernels.starts import CORNER
-from maira_qp.kernels.whole_turns import unwind
+from maira_qp.kernels.search.random_numbers import state_of, stream_of
+from maira_qp.kernels.search.seeds import CORNER
+from maira_qp.kernels.spatial.pose_validation import FINE, NOT_FINITE, NOT_RIGID, pose_row
 from maira_qp.orientation import ORTHONORMAL_WITHIN, pose_error
-from maira_qp.solvers.compiled import Compiled
-from maira_qp.solvers.targets import pose_of
+from maira_qp.problem.targets import pose_of
+from maira_qp.solvers.compiled.engine import Compiled
 
 FAR = row_of(mq.pose([2.5, 0.1, 0.4]))
 """Out of MAIRA's reach."""

@@ -21,9 +21,9 @@ from derivatives import difference_jacobian
 from test_kernels_chain import random_chain
 
 import maira_qp as mq
-from maira_qp.kernels.chain import jacobian
-from maira_qp.kernels.descent import pose_cost
-from maira_qp.kernels.lane_walk import (
+from maira_qp.kernels.kinematics.serial_chain import jacobian
+from maira_qp.kernels.refinement.null_space_sqp import settle, trade_off_each
+from maira_qp.kernels.refinement.stabilized_sqp_simd import (
     ITERATIONS,
     OBJECTIVE,
     ORIENTATION_ERROR,
@@ -32,18 +32,18 @@ from maira_qp.kernels.lane_walk import (
     PROJECTED_GRADIENT,
     REACHED,
 )
-from maira_qp.kernels.pose_hessian import add_curvature, newton_model
-from maira_qp.kernels.settling import settle, trade_off_each
-from maira_qp.problem.costs import ExactTaskCost, TaskCost, WeightedCost
-from maira_qp.problem.hierarchy import projected_gradient
+from maira_qp.kernels.search.levenberg_marquardt import pose_cost
+from maira_qp.kernels.spatial.pose_hessian import add_curvature, newton_model
 from maira_qp.problem.objectives import Objective
+from maira_qp.problem.qp.costs import ExactTaskCost, TaskCost, WeightedCost
+from maira_qp.problem.qp.hierarchy import projected_gradient
 from maira_qp.problem.redundancy import Strict, Weighted
-from maira_qp.robots.dh import DHLink, DHTable
-from maira_qp.solvers.descent import Budget
-from maira_qp.solvers.search import stationarity
-from maira_qp.solvers.settling import Settled
-from maira_qp.solvers.settling import settle as settle_generally
-from maira_qp.solvers.targets import pose_of
+from maira_qp.problem.targets import pose_of
+from maira_qp.robots.dh.table import DHLink, DHTable
+from maira_qp.solvers.reference.levenberg_marquardt import Budget
+from maira_qp.solvers.reference.multi_start import stationarity
+from maira_qp.solvers.reference.null_space_sqp import Settled
+from maira_qp.solvers.reference.null_space_sqp import settle as settle_generally
 
 STATIONARY = 1e-6
 """`Options.stationarity_tolerance`."""

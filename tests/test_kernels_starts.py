@@ -15,15 +15,15 @@ from compiled_problems import (
 from test_kernels_random_numbers import splitmix
 
 import maira_qp as mq
-from maira_qp.kernels.chain import START_LOWER, START_UPPER
-from maira_qp.kernels.lanes import LANES
-from maira_qp.kernels.random_numbers import state_of, stream_of
-from maira_qp.kernels.starts import FEATURES, SQUARE, fill_library, find_nearest, random_start
-from maira_qp.problem.costs import TaskCost
-from maira_qp.robots.whole_turns import WholeTurns
-from maira_qp.solvers.compiled import Compiled
-from maira_qp.solvers.library import MIDDLE_SHARE
-from maira_qp.solvers.targets import pose_of
+from maira_qp.kernels.jit.simd import LANES
+from maira_qp.kernels.kinematics.serial_chain import START_LOWER, START_UPPER
+from maira_qp.kernels.search.random_numbers import state_of, stream_of
+from maira_qp.kernels.search.seeds import FEATURES, SQUARE, fill_library, find_nearest, random_start
+from maira_qp.problem.qp.costs import TaskCost
+from maira_qp.problem.targets import pose_of
+from maira_qp.robots.model.revolutions import WholeTurns
+from maira_qp.solvers.compiled.engine import Compiled
+from maira_qp.solvers.compiled.seed_library import MIDDLE_SHARE
 
 
 def poses_of(problem: Compiled, q: np.ndarray) -> np.ndarray:

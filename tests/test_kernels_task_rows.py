@@ -10,12 +10,12 @@ from derivatives import assert_close, difference_gradient, difference_jacobian
 from numba import njit
 
 import maira_qp as mq
-from maira_qp.kernels.levels import add_curvature, level_costs, level_model
-from maira_qp.kernels.rotation_vector import bend_of_logarithm, inverse_right_jacobian
-from maira_qp.kernels.task_rows import SOURCE, TARGET
-from maira_qp.kernels.tick import FIRST, ROWS
-from maira_qp.kernels.tick_memory import make_work
-from maira_qp.problem.costs import TaskCost
+from maira_qp.kernels.control.level_models import add_curvature, level_costs, level_model
+from maira_qp.kernels.control.step import FIRST, ROWS
+from maira_qp.kernels.control.step_workspace import make_work
+from maira_qp.kernels.control.task_jacobians import SOURCE, TARGET
+from maira_qp.kernels.spatial.so3 import bend_of_logarithm, inverse_right_jacobian
+from maira_qp.problem.qp.costs import TaskCost
 from maira_qp.problem.tasks import frame
 from maira_qp.problem.tasks.task import Task
 

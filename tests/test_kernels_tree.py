@@ -8,10 +8,10 @@ from compiled_problems import arm, configurations, few, row_of
 from conftest import TREES
 
 import maira_qp as mq
-from maira_qp.kernels.bounds import bounds_of_position, bounds_of_tick, rest_of, share_to_stop
-from maira_qp.kernels.chain import LOWER, PRISMATIC, UPPER
-from maira_qp.kernels.tree import ACCELERATION, VELOCITY, forward, path_jacobian, path_to, place
-from maira_qp.problem.limits import (
+from maira_qp.kernels.control.displacement_bounds import bounds_of_position, bounds_of_tick, rest_of, share_to_stop
+from maira_qp.kernels.kinematics.kinematic_tree import ACCELERATION, VELOCITY, forward, path_jacobian, path_to, place
+from maira_qp.kernels.kinematics.serial_chain import LOWER, PRISMATIC, UPPER
+from maira_qp.problem.limits.joint import (
     AccelerationLimit,
     PositionLimit,
     Tick,
@@ -19,7 +19,7 @@ from maira_qp.problem.limits import (
     braking_displacement,
     merge,
 )
-from maira_qp.robots.kinematic_tree import KinematicTree
+from maira_qp.robots.model.arrays import KinematicTree
 
 CHAINS = ["maira", "panda", "tiago", "pr2_arm", "irb140"]
 

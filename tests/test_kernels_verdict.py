@@ -8,8 +8,8 @@ from compiled_problems import few
 from srs_arms import ARMS, anywhere, codes_of, hard_configurations, moved, poses_of, prepared, srs_arm
 
 import maira_qp as mq
-from maira_qp.kernels.verdict import ELBOW_OUTSIDE, POSSIBLE, SWIVEL_BLOCKED, TOO_FAR, TOO_NEAR
-from maira_qp.robots.arcs import arcs
+from maira_qp.analytic.srs.arcs import arcs
+from maira_qp.kernels.srs.unreachability import ELBOW_OUTSIDE, POSSIBLE, SWIVEL_BLOCKED, TOO_FAR, TOO_NEAR
 
 TOLERANCES = [(1e-6, 1e-6), (1e-3, 0.0), (0.0, 1e-3), (2e-3, 2e-3), (1e-9, 1e-9), (0.0, 0.0)]
 

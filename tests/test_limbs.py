@@ -5,7 +5,7 @@ import pytest
 from conftest import load
 
 import maira_qp as mq
-from maira_qp.problem.costs import tasks_toward
+from maira_qp.problem.qp.costs import tasks_toward
 from maira_qp.solvers.limbs import limbs_of
 
 LEGS = 8

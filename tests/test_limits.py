@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from maira_qp.errors import OptionError
-from maira_qp.problem.limits import AccelerationLimit, LinearLimit, PositionLimit, Tick, VelocityLimit, merge
+from maira_qp.problem.limits.joint import AccelerationLimit, LinearLimit, PositionLimit, Tick, VelocityLimit, merge
 
 AT_ONCE = np.inf
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import maira_qp as mq
-from maira_qp.kernels.descent import lanes_memory
-from maira_qp.kernels.starts import place_all
-from maira_qp.robots.whole_turns import WholeTurns
-from maira_qp.solvers.compiled import Compiled
-from maira_qp.solvers.options import Options
-from maira_qp.solvers.priorities import Priorities
-from maira_qp.solvers.targets import row_of
+from maira_qp.kernels.search.levenberg_marquardt import lanes_memory
+from maira_qp.kernels.search.seeds import place_all
+from maira_qp.problem.levels import Priorities
+from maira_qp.problem.options import Options
+from maira_qp.problem.targets import row_of
+from maira_qp.robots.model.revolutions import WholeTurns
+from maira_qp.solvers.compiled.engine import Compiled
 
 ARM = [
     ("0 0 1", 0.3, 3),

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from maira_qp.solvers.multi_start import MOST_STARTS, PATIENCE, multi_start, new_among
+from maira_qp.solvers.enumeration.exhaustive_multi_start import MOST_STARTS, PATIENCE, multi_start, new_among
 
 
 def apart(q, others):

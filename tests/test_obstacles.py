@@ -10,7 +10,7 @@ import pytest
 
 import maira_qp as mq
 from maira_qp.errors import OptionError, PoseError, RobotError
-from maira_qp.problem.collision import CollisionLimit
+from maira_qp.problem.limits.collision import CollisionLimit
 from maira_qp.robots.collision.link_shapes import link_shapes
 from maira_qp.robots.collision.meshes import THICKNESS, convex_hull, find_mesh
 from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Mesh, Sphere

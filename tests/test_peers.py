@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from maira_qp.apps.benchmark.judge import Judge as UrdfWalk
-from maira_qp.apps.benchmark.judge import turn
+from maira_qp.evaluation.judge import Judge as UrdfWalk
+from maira_qp.evaluation.judge import turn
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from peers import arms, clock, line_up, picture, questions, report, results

@@ -9,11 +9,11 @@ from conftest import TREES, load
 
 import maira_qp as mq
 from maira_qp.errors import FrameError, OptionError, PoseError
-from maira_qp.problem.backends import Backend
-from maira_qp.problem.costs import LevelObjective, TaskCost, strict_levels
-from maira_qp.problem.hierarchy import solve_each_level
-from maira_qp.problem.limits import Tick, merge
-from maira_qp.solvers.tick import split_equalities
+from maira_qp.problem.limits.joint import Tick, merge
+from maira_qp.problem.qp.backends import Backend
+from maira_qp.problem.qp.costs import LevelObjective, TaskCost, strict_levels
+from maira_qp.problem.qp.hierarchy import solve_each_level
+from maira_qp.solvers.reference.step import split_equalities
 
 
 def poses(robot, q) -> dict:

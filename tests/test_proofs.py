@@ -9,10 +9,10 @@ from conftest import load
 from scipy.spatial.transform import Rotation
 
 import maira_qp as mq
-from maira_qp.robots.landmarks import tool_points
-from maira_qp.solvers.priorities import Priorities
-from maira_qp.solvers.proofs import BoxProof, Proofs
-from maira_qp.solvers.targets import pose_of, row_of
+from maira_qp.analytic.bounding_points import tool_points
+from maira_qp.problem.levels import Priorities
+from maira_qp.problem.targets import pose_of, row_of
+from maira_qp.solvers.certificates import BoxProof, Proofs
 
 TASKS = {"pose": mq.PoseTask(), "position": mq.PositionTask(), "orientation": mq.OrientationTask()}
 ROBOTS = ["maira", "panda", "ur5", "irb140", "kr210", "puma560", "scara", "gantry"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from maira_qp.robots.rpy import cosine_sine, matrix_from_rpy, rpy_from_matrix
+from maira_qp.robots.urdf.rpy import cosine_sine, matrix_from_rpy, rpy_from_matrix
 
 
 def test_the_definition_is_scipys_fixed_xyz(rng):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import maira_qp as mq
+from maira_qp.analytic.srs.arcs import arcs
+from maira_qp.analytic.srs.geometry import SRS
+from maira_qp.analytic.srs.optimum import SampledArcs, best, nearest
 from maira_qp.orientation import pose_error
-from maira_qp.robots.arcs import arcs
-from maira_qp.robots.srs import SRS
-from maira_qp.solvers.self_motion import SampledArcs, best, nearest
 
 
 @pytest.mark.parametrize("objective", [mq.Posture(), mq.LimitDistance(), mq.Manipulability()])

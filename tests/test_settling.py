@@ -6,7 +6,7 @@ from conftest import load
 
 import maira_qp as mq
 from maira_qp.problem.objectives import Objective
-from maira_qp.solvers import compiled
+from maira_qp.solvers.compiled import engine as compiled
 
 OBJECTIVES = {
     "posture": mq.Posture(),

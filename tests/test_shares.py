@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from maira_qp.solvers import shares
-from maira_qp.solvers.shares import in_shares
+from maira_qp.solvers.compiled import thread_pool as shares
+from maira_qp.solvers.compiled.thread_pool import in_shares
 
 
 @pytest.fixture(autouse=True)

@@ -8,10 +8,10 @@ import pytest
 from conftest import load
 
 import maira_qp as mq
-from maira_qp.robots.arcs import arcs
-from maira_qp.robots.decomposition import Decomposition
-from maira_qp.robots.srs import SRS
-from maira_qp.robots.whole_turns import WholeTurns
+from maira_qp.analytic.eaik import Decomposition
+from maira_qp.analytic.srs.arcs import arcs
+from maira_qp.analytic.srs.geometry import SRS
+from maira_qp.robots.model.revolutions import WholeTurns
 
 CLOSED = {"ur5": 10, "ur10": 10, "ur5_limited": 30, "kr210": 80, "puma560": 80, "kinova": 30}
 """Six-axis arms that EAIK decomposes, and how many poses are looked at."""

@@ -6,9 +6,9 @@ import pytest
 from conftest import load, urdf_file
 
 import maira_qp as mq
+from maira_qp.analytic.srs.geometry import PARALLEL_WITHIN, SRS, SphericalJoint, rotations, wrapped
 from maira_qp.orientation import pose_error
 from maira_qp.problem.tasks.swivel import SwivelTask
-from maira_qp.robots.srs import PARALLEL_WITHIN, SRS, SphericalJoint, rotations, wrapped
 
 NOT_SRS = {
     "panda": "the wrist",

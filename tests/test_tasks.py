@@ -9,7 +9,7 @@ from derivatives import assert_close, difference_gradient, difference_jacobian
 
 import maira_qp as mq
 from maira_qp.errors import OptionError, PoseError
-from maira_qp.problem.costs import ExactTaskCost, LevelObjective, TaskCost, WeightedCost
+from maira_qp.problem.qp.costs import ExactTaskCost, LevelObjective, TaskCost, WeightedCost
 from maira_qp.solvers.solver import Solver
 
 ROBOTS = ["maira", "panda", "pr2_arm", "tiago", "ur5", "talos_finger"]

@@ -5,8 +5,8 @@ import pytest
 from srs_arms import ARMS, Arm, anywhere, codes_of, prepared, srs_arm
 
 import maira_qp as mq
-from maira_qp.robots.srs import BRANCHES
-from maira_qp.robots.unreachable import Reason, SwivelProof, swivel_proof
+from maira_qp.analytic.srs.geometry import BRANCHES
+from maira_qp.analytic.srs.unreachability import Reason, SwivelProof, swivel_proof
 
 TOLERANCE = {"position_tolerance": 1e-6, "orientation_tolerance": 1e-6}
 

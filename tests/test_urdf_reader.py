@@ -16,7 +16,7 @@ from whole_model import WholeModel
 import maira_qp as mq
 from maira_qp.errors import FrameError, OptionError, RobotError
 from maira_qp.orientation import pose_error
-from maira_qp.robots.urdf_reader import read_urdf
+from maira_qp.robots.urdf.reader import read_urdf
 
 LIMIT = '<limit lower="-1" upper="2" velocity="3" effort="4"/>'
 

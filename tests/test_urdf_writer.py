@@ -16,9 +16,9 @@ from conftest import random_table
 
 import maira_qp as mq
 from maira_qp.errors import RobotError
-from maira_qp.robots import catalog
-from maira_qp.robots.dh import DHLink, DHTable
-from maira_qp.robots.urdf_writer import urdf_text
+from maira_qp.robots.dh.table import DHLink, DHTable
+from maira_qp.robots.model import catalog
+from maira_qp.robots.urdf.writer import urdf_text
 
 EVERYTHING = DHTable(
     [

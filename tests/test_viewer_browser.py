@@ -11,11 +11,11 @@ import pytest
 from PIL import Image
 
 import maira_qp as mq
-from maira_qp.apps.commands.robot_choice import RobotChoice
+from maira_qp.apps.arguments.robot_choice import RobotChoice
+from maira_qp.apps.viewer.drawing.surroundings import MARGIN
 from maira_qp.apps.viewer.start import bent_configuration
-from maira_qp.apps.viewer.surroundings import MARGIN
 from maira_qp.orientation import matrix_from_quaternion
-from maira_qp.robots.urdf_writer import urdf_text
+from maira_qp.robots.urdf.writer import urdf_text
 
 pytest.importorskip("viser", reason="the viewer needs viser")
 sync_api = pytest.importorskip("playwright.sync_api", reason="the browser is driven by playwright")
@@ -118,7 +118,7 @@ class Tab:
 
     def drag_target(self, axis: int, way: float) -> None:
         """The target's gizmo by one of its arrows, so far [m] along it; a grip that missed is tried again."""
-        from maira_qp.apps.viewer.scene import GIZMO
+        from maira_qp.apps.viewer.drawing.scene import GIZMO
 
         session, before = self.viewer.current, self.viewer.current.target.translation
         for _ in range(4):

@@ -8,10 +8,10 @@ import pytest
 from conftest import load, urdf_file
 
 import maira_qp as mq
-from maira_qp.apps.viewer.geometry import PLAIN, geometry_of, stick_figure
-from maira_qp.apps.viewer.triangles import joined, triangles
-from maira_qp.robots.catalog import maira as maira_table
-from maira_qp.robots.urdf_writer import urdf_text
+from maira_qp.apps.viewer.drawing.geometry import PLAIN, geometry_of, stick_figure
+from maira_qp.apps.viewer.drawing.triangles import joined, triangles
+from maira_qp.robots.model.catalog import maira as maira_table
+from maira_qp.robots.urdf.writer import urdf_text
 
 TETRAHEDRON = """solid t
 facet normal 0 0 -1\nouter loop\nvertex 0 0 0\nvertex 0 1 0\nvertex 1 0 0\nendloop\nendfacet

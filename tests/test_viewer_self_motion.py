@@ -5,9 +5,9 @@ import pytest
 from conftest import load
 
 import maira_qp as mq
+from maira_qp.analytic.srs.geometry import SRS
 from maira_qp.apps.viewer.elbow import elbow_of
 from maira_qp.apps.viewer.self_motion import LONGEST, is_redundant, self_motion
-from maira_qp.robots.srs import SRS
 
 ROBOTS = {name: load(name) for name in ("panda", "xarm7", "tiago")}
 

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 import maira_qp as mq
-from maira_qp.apps.pose_files.columns import layout
+from maira_qp.analytic.srs.geometry import SRS
 from maira_qp.apps.viewer import readout
 from maira_qp.apps.viewer.answers import ghosts_of
+from maira_qp.apps.viewer.drawing.surroundings import MARGIN, first_in_the_way
 from maira_qp.apps.viewer.elbow import elbow_of
 from maira_qp.apps.viewer.recording import Recording, save
 from maira_qp.apps.viewer.session import FARTHEST, Session
 from maira_qp.apps.viewer.start import bent_configuration
-from maira_qp.apps.viewer.surroundings import MARGIN, first_in_the_way
 from maira_qp.apps.viewer.tips import tips_in
 from maira_qp.apps.viewer.view import Standing, View
 from maira_qp.errors import MairaError, OptionError, PoseError
-from maira_qp.robots.srs import SRS
+from maira_qp.io.columns import layout
 
 DT = 1 / 60
 

@@ -9,9 +9,9 @@ from compiled_problems import arm
 from conftest import random_table
 
 import maira_qp as mq
-from maira_qp.kernels.whole_turns import unwind, unwind_free
-from maira_qp.robots.serial_chain import chain_of
-from maira_qp.robots.whole_turns import FARTHEST, WholeTurns
+from maira_qp.kernels.kinematics.unwrap import unwind, unwind_free
+from maira_qp.robots.model.revolutions import FARTHEST, WholeTurns
+from maira_qp.robots.model.serial_chain import chain_of
 
 PI = np.pi
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from maira_qp.apps.benchmark.report import percent
+from maira_qp.apps.commands.bench_report import percent
 from peers.judge import ORIENTATION_TOLERANCE, POSITION_TOLERANCE
 from peers.line_up import PEERS
 from peers.ours import SOLVE

@@ -14,15 +14,15 @@ from typing import Any
 
 from rich.table import Table
 
-from maira_qp.apps.benchmark.methods import qp_method
-from maira_qp.apps.benchmark.report import legend, percent, short
-from maira_qp.apps.benchmark.runner import Plan, measure, plan
-from maira_qp.apps.benchmark.settings import Settings
-from maira_qp.apps.benchmark.statistics import Summary, summarise
+from maira_qp.apps.commands.bench_report import legend, percent, short
+from maira_qp.evaluation.methods import qp_method
+from maira_qp.evaluation.runner import Plan, measure, plan
+from maira_qp.evaluation.settings import Settings
+from maira_qp.evaluation.statistics import Summary, summarise
 from maira_qp.problem.objectives import Posture
+from maira_qp.problem.options import Options
 from maira_qp.problem.redundancy import Strict
-from maira_qp.robots.robot import Robot
-from maira_qp.solvers.options import Options
+from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.solver import Solver
 
 

@@ -110,8 +110,8 @@ def _version(name: str, module: str) -> str:
 
 def backends() -> Iterator[Finding]:
     """Each QP backend solves `min 1/2 |x|^2 + x_1 + x_2` with `x >= -1/2`: x = -1/2."""
-    from maira_qp.problem.backends import ACCURATE, Backend, available
-    from maira_qp.problem.qp import QP
+    from maira_qp.problem.qp.backends import ACCURATE, Backend, available
+    from maira_qp.problem.qp.qp import QP
 
     installed = available()
     for name in dict.fromkeys([*ACCURATE, *installed]):
@@ -154,7 +154,7 @@ def cache() -> Iterator[Finding]:
     """Where the compiled code is kept, and whether some of it has yet to be compiled."""
     from numba import config
 
-    from maira_qp.kernels import code_cache
+    from maira_qp.kernels.jit import code_cache
 
     if config.DISABLE_JIT:
         told = "switched off: a solve takes a thousand times as long"
@@ -183,10 +183,10 @@ def _megabytes(files: list[Path]) -> str:
 
 def self_check() -> Iterator[Finding]:
     """MAIRA solves a pose, judged by the plain DH chain, which shares no code with the solver."""
-    from maira_qp.apps.benchmark.judge import angle_between
+    from maira_qp.evaluation.judge import angle_between
     from maira_qp.problem.pose import pose
-    from maira_qp.robots.catalog import maira
-    from maira_qp.robots.robot import Robot
+    from maira_qp.robots.model.catalog import maira
+    from maira_qp.robots.model.robot import Robot
     from maira_qp.solvers.solver import Solver
 
     robot, target = Robot.maira(), pose(POSE[0], quaternion=POSE[1]).homogeneous

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from maira_qp.errors import OptionError
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.solver import Solver
 
 PLANES = ("xy", "xz", "yz")

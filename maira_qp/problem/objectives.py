@@ -15,8 +15,8 @@ import numpy as np
 
 from maira_qp.arrays import is_listing, is_number, real_array
 from maira_qp.errors import OptionError, shown
-from maira_qp.robots.configuration import Configuration
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.model.configuration import Configuration
+from maira_qp.robots.model.robot import Robot
 
 
 class Objective(ABC):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from maira_qp.arrays import is_number
 from maira_qp.errors import OptionError, shown
 from maira_qp.problem.objectives import Objective, check_objective
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.model.robot import Robot
 
 
 @dataclass(frozen=True)

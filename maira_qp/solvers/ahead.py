@@ -15,14 +15,14 @@ from math import pi
 
 import numpy as np
 
+from maira_qp.analytic.srs.geometry import SRS
 from maira_qp.errors import CompilationError, OptionError, listed
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.redundancy import Strict, Weighted
-from maira_qp.robots.dh import DHLink, JointKind
-from maira_qp.robots.robot import Robot
-from maira_qp.robots.srs import SRS
+from maira_qp.problem.targets import SEED_0, rows_of, streams
+from maira_qp.robots.dh.table import DHLink, JointKind
+from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.solver import Solver
-from maira_qp.solvers.targets import SEED_0, rows_of, streams
 
 VERBS = ("solve", "solve_batch", "solutions", "step")
 
@@ -49,7 +49,7 @@ def compile(
         raise OptionError(f"processes must be at least 1, not {processes}")
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return
-    from maira_qp.kernels import code_cache  # heavy: Numba comes with it
+    from maira_qp.kernels.jit import code_cache  # heavy: Numba comes with it
 
     if code_cache.writable() is None:
         raise CompilationError("compiled code can be kept nowhere; set NUMBA_CACHE_DIR to a folder to write to")
@@ -110,7 +110,7 @@ class _Problem:
     """One target of an arm, as the stages of the compiled engine take it."""
 
     def __init__(self, robot: Robot, redundancy: Strict | Weighted | None = None) -> None:
-        from maira_qp.solvers.compiled import OUTCOME, SETTLED, Asked  # heavy: Numba comes with it
+        from maira_qp.solvers.compiled.engine import OUTCOME, SETTLED, Asked  # heavy: Numba comes with it
 
         self.solver = Solver(robot, redundancy=redundancy)
         assert self.solver._compiled is not None
@@ -166,8 +166,8 @@ def _proofs() -> None:
 
 def _small() -> None:
     """What takes a second or less each."""
-    from maira_qp.kernels.starts import has_long_slides
-    from maira_qp.solvers.compiled import SUCCESS, has_free_turn, unwind, unwind_free
+    from maira_qp.kernels.search.seeds import has_long_slides
+    from maira_qp.solvers.compiled.engine import SUCCESS, has_free_turn, unwind, unwind_free
 
     problem = _Problem(_six_axes("continuous"), Weighted(Posture(), weight=1e-3))
     turns, robot = problem.engine.turns, Robot.maira()

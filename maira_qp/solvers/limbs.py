@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maira_qp.problem.costs import TaskCost
+from maira_qp.problem.qp.costs import TaskCost
 from maira_qp.problem.tasks.task import Task
-from maira_qp.robots.robot import Robot
-from maira_qp.solvers.descent import Budget, Descent
-from maira_qp.solvers.search import Reached, Search, random_start, search
-from maira_qp.solvers.setting import Setting
+from maira_qp.robots.model.robot import Robot
+from maira_qp.solvers.reference.context import Setting
+from maira_qp.solvers.reference.levenberg_marquardt import Budget, Descent
+from maira_qp.solvers.reference.multi_start import Reached, Search, random_start, search
 
 GLANCES = 3
 """Random configurations at which it is looked which joints move a task: at a special one a column may vanish."""

@@ -14,14 +14,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from maira_qp.problem.costs import TaskCost
+from maira_qp.problem.options import Options
+from maira_qp.problem.qp.costs import TaskCost
 from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.problem.tasks.task import Task
-from maira_qp.robots.configuration import Configuration
-from maira_qp.robots.robot import Robot
-from maira_qp.robots.whole_turns import FARTHEST, WholeTurns
-from maira_qp.solvers.options import Options
-from maira_qp.solvers.setting import Setting
+from maira_qp.robots.model.configuration import Configuration
+from maira_qp.robots.model.revolutions import FARTHEST, WholeTurns
+from maira_qp.robots.model.robot import Robot
+from maira_qp.solvers.reference.context import Setting
 from maira_qp.solvers.spread import spread
 
 BESIDE, RADII = 8, (0.3, 0.6, 1.0)

@@ -18,27 +18,27 @@ import pinocchio as pin
 from maira_qp.arrays import check_callable, is_count, is_native, is_number, real_array
 from maira_qp.display import Card, Shown
 from maira_qp.errors import BackendError, ConfigurationError, OptionError, listed, shown
-from maira_qp.problem.backends import Backend, available
-from maira_qp.problem.limits import Limit, Tick
+from maira_qp.problem.levels import FARTHEST, Priorities, Targets
+from maira_qp.problem.limits.joint import Limit, Tick
 from maira_qp.problem.objectives import Posture
+from maira_qp.problem.options import Options
+from maira_qp.problem.qp.backends import Backend, available
 from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.targets import SEED_0, checked_seed, checked_starts
 from maira_qp.problem.tasks.frame import TargetTask
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
-from maira_qp.robots.robot import Robot
-from maira_qp.solvers.closest import check_preference, posture_at
-from maira_qp.solvers.general import General, residual
-from maira_qp.solvers.options import Options
-from maira_qp.solvers.priorities import FARTHEST, Priorities, Targets
-from maira_qp.solvers.setting import Setting
-from maira_qp.solvers.solution import BatchSolution, Solution, Status, Step, solution_of, with_deviation
-from maira_qp.solvers.targets import SEED_0, checked_seed, checked_starts
-from maira_qp.solvers.tick import keeps_further_limits, tick
+from maira_qp.results.solution import BatchSolution, Solution, Status, Step, solution_of, with_deviation
+from maira_qp.robots.model.robot import Robot
+from maira_qp.solvers.enumeration.closest import check_preference, posture_at
+from maira_qp.solvers.reference.context import Setting
+from maira_qp.solvers.reference.engine import General, residual
+from maira_qp.solvers.reference.step import keeps_further_limits, tick
 
 if TYPE_CHECKING:
-    from maira_qp.solvers.compiled import Compiled
-    from maira_qp.solvers.compiled_tick import CompiledTick
-    from maira_qp.solvers.solutions import Solutions
+    from maira_qp.results.solution_set import Solutions
+    from maira_qp.solvers.compiled.engine import Compiled
+    from maira_qp.solvers.compiled.step import CompiledTick
 
 Rng = np.random.Generator | int | None
 
@@ -94,8 +94,8 @@ class Solver(Shown):
         if backend is not None and not isinstance(backend, (str, Backend)):
             raise BackendError(f"backend must be a name or mq.Backend(name, settings), got {shown(backend)}")
         if backend is None or backend == "compiled":
-            from maira_qp.solvers.compiled import Compiled  # heavy: Numba comes with it
-            from maira_qp.solvers.compiled_tick import CompiledTick
+            from maira_qp.solvers.compiled.engine import Compiled  # heavy: Numba comes with it
+            from maira_qp.solvers.compiled.step import CompiledTick
 
             self._compiled_tick = CompiledTick.of(self._priorities, options)
             possible = Compiled.of(self._priorities, options)
@@ -340,7 +340,7 @@ class Solver(Shown):
         Raises `PoseError`; `OptionError` for other tasks than one `PoseTask` of the tip, for further limits, and for a
         robot that is no serial chain.
         """
-        from maira_qp.solvers.enumeration import all_solutions  # heavy: Numba comes with it
+        from maira_qp.solvers.enumeration.all_solutions import all_solutions  # heavy: Numba comes with it
 
         targets, redundancy = self._priorities.targets(target), self.redundancy
         objective = Posture() if redundancy is None else redundancy.objectives[0]
@@ -352,7 +352,7 @@ class Solver(Shown):
 
         A list that is not complete may lack what a descent from the posture leads to.
         """
-        from maira_qp.solvers.enumeration import nearest_solution
+        from maira_qp.solvers.enumeration.all_solutions import nearest_solution
 
         q0, by_distance = posture.q_ref, self._with_redundancy(Strict(posture))
         q = nearest_solution(by_distance._priorities, self._setting, self._compiled, targets, posture, seed)

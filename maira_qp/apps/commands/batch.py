@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from maira_qp.apps.commands.output import VERDICTS, Angles, console, print_json, progress_bar
+from maira_qp.apps.arguments.output import VERDICTS, Angles, console, print_json, progress_bar
 from maira_qp.apps.left_pipes import reader_may_leave
-from maira_qp.apps.pose_files.answers import check_output, columns, left_out, write_answers
-from maira_qp.apps.pose_files.poses import Poses, blocks, read_poses
 from maira_qp.errors import OptionError, PoseError
-from maira_qp.robots.robot import Robot
+from maira_qp.io.answers import check_output, columns, left_out, write_answers
+from maira_qp.io.poses import Poses, blocks, read_poses
+from maira_qp.results.solution import BatchSolution, Status
+from maira_qp.robots.model.robot import Robot
 from maira_qp.robots.unit_hints import degrees_hint, degrees_hint_of_angles, millimetres_hint_of_many
-from maira_qp.solvers.solution import BatchSolution, Status
 from maira_qp.solvers.solver import FARTHEST, Solver
 
 REMARKS = {

@@ -8,10 +8,10 @@ from typing import Annotated
 
 import tyro
 
-from maira_qp.apps.benchmark.settings import Settings
-from maira_qp.apps.commands.flags import RobotFlags, SolverFlags
-from maira_qp.apps.commands.robot_choice import RobotChoice
-from maira_qp.solvers.options import Options
+from maira_qp.apps.arguments.flags import RobotFlags, SolverFlags
+from maira_qp.apps.arguments.robot_choice import RobotChoice
+from maira_qp.evaluation.settings import Settings
+from maira_qp.problem.options import Options
 
 PICTURE = "success.png"
 
@@ -34,11 +34,11 @@ class Bench:
 
     def run(self) -> int:
         """Runs, or goes on with, the benchmark and reports; 0."""
-        from maira_qp.apps.benchmark.records import write_csv
-        from maira_qp.apps.benchmark.report import flat, legend, picture, tables
-        from maira_qp.apps.benchmark.runner import plan, run
-        from maira_qp.apps.benchmark.statistics import summarise
-        from maira_qp.apps.commands.output import NO_PICTURE, console, picture_is_possible, print_json, progress_bar
+        from maira_qp.apps.arguments.output import NO_PICTURE, console, picture_is_possible, print_json, progress_bar
+        from maira_qp.apps.commands.bench_report import flat, legend, picture, tables
+        from maira_qp.evaluation.records import write_csv
+        from maira_qp.evaluation.runner import plan, run
+        from maira_qp.evaluation.statistics import summarise
 
         has_picture = picture_is_possible(self.output / PICTURE)
         made = plan(self.choice.load(), self.settings, self.options)

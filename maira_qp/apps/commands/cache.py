@@ -19,8 +19,8 @@ class Cache:
 
     def run(self) -> int:
         """Prints folder, files and bytes, in all and of the current sources; always 0."""
-        from maira_qp.apps.commands.output import console, print_json
-        from maira_qp.kernels import code_cache
+        from maira_qp.apps.arguments.output import console, print_json
+        from maira_qp.kernels.jit import code_cache
 
         files, out = code_cache.kept(), console()
         size = sum(file.stat().st_size for file in files)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import tyro
 
-from maira_qp.apps.commands.flags import RobotFlags, SolverFlags
-from maira_qp.apps.commands.robot_choice import RobotChoice
-from maira_qp.solvers.options import Options
+from maira_qp.apps.arguments.flags import RobotFlags, SolverFlags
+from maira_qp.apps.arguments.robot_choice import RobotChoice
+from maira_qp.problem.options import Options
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +33,8 @@ class Compare:
 
     def run(self) -> int:
         """Prints the table and saves the picture, if matplotlib is there; 0."""
-        from maira_qp.apps.benchmark.report import flat
-        from maira_qp.apps.commands.output import NO_PICTURE, console, picture_is_possible, print_json, progress_bar
+        from maira_qp.apps.arguments.output import NO_PICTURE, console, picture_is_possible, print_json, progress_bar
+        from maira_qp.apps.commands.bench_report import flat
         from maira_qp.apps.compare import compare, picture, table
 
         has_picture = picture_is_possible(self.picture)

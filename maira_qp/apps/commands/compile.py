@@ -22,8 +22,8 @@ class Compile:
 
     def run(self) -> int:
         """Compiles, with a progress bar on a terminal; always 0."""
-        from maira_qp.apps.commands.output import console, progress_bar
-        from maira_qp.kernels import code_cache
+        from maira_qp.apps.arguments.output import console, progress_bar
+        from maira_qp.kernels.jit import code_cache
         from maira_qp.solvers import ahead
 
         with progress_bar("compiling") as progress:

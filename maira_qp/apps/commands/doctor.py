@@ -34,7 +34,7 @@ class Doctor:
         return SICK if faults else 0
 
     def _tell(self, findings: list[Finding], faults: list[Finding]) -> None:
-        from maira_qp.apps.commands.output import print_json
+        from maira_qp.apps.arguments.output import print_json
 
         if self.json:
             rows = [{**asdict(finding), "state": finding.state.value} for finding in findings]
@@ -48,7 +48,7 @@ def _show(findings: list[Finding], faults: list[Finding]) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from maira_qp.apps.commands.output import console
+    from maira_qp.apps.arguments.output import console
     from maira_qp.apps.doctor import State
 
     colors = {State.WELL: "green", State.ABSENT: "dim", State.FAULT: "bold red"}

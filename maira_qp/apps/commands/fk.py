@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import tyro
 
-from maira_qp.apps.commands.flags import RobotFlags
-from maira_qp.apps.commands.numbers import JointValues
-from maira_qp.apps.commands.robot_choice import RobotChoice
+from maira_qp.apps.arguments.flags import RobotFlags
+from maira_qp.apps.arguments.numbers import JointValues
+from maira_qp.apps.arguments.robot_choice import RobotChoice
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,10 +27,10 @@ class Fk:
 
     def run(self) -> int:
         """Prints the pose; always 0."""
-        from maira_qp.apps.commands.output import Angles, print_json
+        from maira_qp.apps.arguments.output import Angles, print_json
         from maira_qp.orientation import quaternion_from_matrix
-        from maira_qp.robots.rpy import rpy_from_matrix
         from maira_qp.robots.unit_hints import degrees_hint
+        from maira_qp.robots.urdf.rpy import rpy_from_matrix
 
         robot = self.choice.load()
         angles = Angles(robot, self.deg)
@@ -64,7 +64,7 @@ def _show(found: dict[str, Any], joint_names: tuple[str, ...]) -> None:
     """The pose as a table on stdout."""
     from rich.table import Table
 
-    from maira_qp.apps.commands.output import console, joint_table, numbers
+    from maira_qp.apps.arguments.output import console, joint_table, numbers
 
     table = Table(title=f"{found['robot']}: {found['tip']} in {found['base']}", show_header=False)
     table.add_row("position x y z [m]", numbers(found["position"]))

@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import numpy as np
 import tyro
 
-from maira_qp.apps.commands.flags import PoseFlags, RedundancyFlags, RobotFlags, SolverFlags, checked_seed
-from maira_qp.apps.commands.numbers import JointValues, Quaternion, Rpy
-from maira_qp.apps.commands.pose_choice import PoseChoice
-from maira_qp.apps.commands.redundancy_choice import RedundancyChoice
-from maira_qp.apps.commands.robot_choice import RobotChoice
+from maira_qp.apps.arguments.flags import PoseFlags, RedundancyFlags, RobotFlags, SolverFlags, checked_seed
+from maira_qp.apps.arguments.numbers import JointValues, Quaternion, Rpy
+from maira_qp.apps.arguments.pose_choice import PoseChoice
+from maira_qp.apps.arguments.redundancy_choice import RedundancyChoice
+from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.errors import OptionError, PoseError
-from maira_qp.solvers.options import Options
+from maira_qp.problem.options import Options
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from maira_qp.apps.commands.output import Angles
-    from maira_qp.robots.robot import Robot
+    from maira_qp.apps.arguments.output import Angles
+    from maira_qp.robots.model.robot import Robot
 
 AT_REST = 1e-5
 """A path ends where no joint is faster than this [rad/s or m/s]."""
@@ -46,7 +46,7 @@ class Picture(ABC):
 
     def run(self) -> int:
         """Draws and says where; 0."""
-        from maira_qp.apps.commands.output import Angles, check_picture, console
+        from maira_qp.apps.arguments.output import Angles, check_picture, console
 
         path = self.output or Path("output") / f"{self.name}.png"
         check_picture(path)
@@ -142,8 +142,8 @@ class SelfMotion(Picture):
 
     def draw(self, robot: Robot, angles: Angles) -> Figure:
         """The joints of the best branch, above the arcs of all."""
+        from maira_qp.analytic.srs.geometry import SRS
         from maira_qp.apps import plots
-        from maira_qp.robots.srs import SRS
         from maira_qp.solvers.solver import Solver
 
         target = self.pose.load(angles)
@@ -182,7 +182,7 @@ class Reach(Picture):
     def draw(self, robot: Robot, angles: Angles) -> Figure:
         """A batch of poses, a cell each."""
         from maira_qp.apps import plots
-        from maira_qp.apps.commands.output import progress_bar
+        from maira_qp.apps.arguments.output import progress_bar
         from maira_qp.apps.reach_slice import reach_slice
         from maira_qp.problem.pose import pose
         from maira_qp.solvers.solver import Solver

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tyro
 
-from maira_qp.apps.commands.flags import PoseFlags, RedundancyFlags, RobotFlags, SolverFlags, checked_seed
-from maira_qp.apps.commands.numbers import JointValues
-from maira_qp.apps.commands.pose_choice import PoseChoice
-from maira_qp.apps.commands.redundancy_choice import RedundancyChoice
-from maira_qp.apps.commands.robot_choice import RobotChoice
+from maira_qp.apps.arguments.flags import PoseFlags, RedundancyFlags, RobotFlags, SolverFlags, checked_seed
+from maira_qp.apps.arguments.numbers import JointValues
+from maira_qp.apps.arguments.pose_choice import PoseChoice
+from maira_qp.apps.arguments.redundancy_choice import RedundancyChoice
+from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.errors import OptionError
-from maira_qp.solvers.options import Options
+from maira_qp.problem.options import Options
 
 if TYPE_CHECKING:
-    from maira_qp.apps.commands.output import Angles
-    from maira_qp.robots.robot import Robot
-    from maira_qp.solvers.solution import Solution
-    from maira_qp.solvers.solutions import Solutions
+    from maira_qp.apps.arguments.output import Angles
+    from maira_qp.results.solution import Solution
+    from maira_qp.results.solution_set import Solutions
+    from maira_qp.robots.model.robot import Robot
 
 UNBOUNDED = 100_000
 """Columns of a console that cuts nothing."""
@@ -78,7 +78,7 @@ class Solve:
 
     def run(self) -> int:
         """Prints the solution, or the summary of a batch; the exit code as the class says."""
-        from maira_qp.apps.commands.output import VERDICTS, Angles, print_json
+        from maira_qp.apps.arguments.output import VERDICTS, Angles, print_json
         from maira_qp.robots.unit_hints import degrees_hint_of_angles
         from maira_qp.solvers.solver import Solver
 
@@ -151,7 +151,7 @@ def _show(robot: Robot, angles: Angles, s: Solution, hints: Sequence[str]) -> No
     """The solution as tables on stdout."""
     from rich.table import Table
 
-    from maira_qp.apps.commands.output import console, joint_table
+    from maira_qp.apps.arguments.output import console, joint_table
 
     out = console()
     out.print(f"{s.status.name}: {s.status.meaning}", style="bold green" if s.success else "bold yellow")
@@ -212,7 +212,7 @@ def _show_all(robot: Robot, angles: Angles, solutions: Solutions) -> None:
     from rich.measure import Measurement
     from rich.table import Table
 
-    from maira_qp.apps.commands.output import console
+    from maira_qp.apps.arguments.output import console
     from maira_qp.display import columns, joint_entries
 
     out, complete = console(), "complete" if solutions.is_complete else "not proved complete"

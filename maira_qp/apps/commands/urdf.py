@@ -6,8 +6,8 @@ import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from maira_qp.apps.commands.flags import RobotFlags
-from maira_qp.apps.commands.robot_choice import RobotChoice
+from maira_qp.apps.arguments.flags import RobotFlags
+from maira_qp.apps.arguments.robot_choice import RobotChoice
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,8 +20,8 @@ class Urdf:
 
     def run(self) -> int:
         """Writes the URDF; always 0."""
-        from maira_qp.apps.whole_files import replace_text
-        from maira_qp.robots.urdf_writer import urdf_text
+        from maira_qp.io.atomic_write import replace_text
+        from maira_qp.robots.urdf.writer import urdf_text
 
         robot = self.choice.load()
         text = robot.urdf if robot.dh is None else urdf_text(robot.dh)

@@ -8,8 +8,8 @@ import sys
 import time
 from dataclasses import dataclass, field
 
-from maira_qp.apps.commands.flags import RobotFlags
-from maira_qp.apps.commands.robot_choice import RobotChoice
+from maira_qp.apps.arguments.flags import RobotFlags
+from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.errors import OptionError
 
 

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from maira_qp.apps.plots.style import LIMIT_COLOR, finish, line, styled
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.model.robot import Robot
 
 
 @styled

@@ -1,6 +1,6 @@
 """What an S-R-S arm can still do while its tool stands still, and where its limits end that.
 
-For a pose each branch is a curve over the swivel angle psi, and the limits leave arcs of it (`maira_qp.robots.arcs`).
+For a pose each branch is a curve over the swivel angle psi, and the limits leave arcs of it (`analytic.srs.arcs`).
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
 
+from maira_qp.analytic.srs.arcs import Arc, arcs
+from maira_qp.analytic.srs.geometry import BRANCHES, SRS, checked_pose
 from maira_qp.apps.plots.joint_paths import draw_range, shares
 from maira_qp.apps.plots.style import COLORS, finish, line, styled
 from maira_qp.errors import RobotError
-from maira_qp.robots.arcs import Arc, arcs
-from maira_qp.robots.robot import Robot
-from maira_qp.robots.srs import BRANCHES, SRS, checked_pose
-from maira_qp.solvers.solutions import ListedSolution, Solutions
+from maira_qp.results.solution_set import ListedSolution, Solutions
+from maira_qp.robots.model.robot import Robot
 
 SAMPLES = 721
 """Swivel angles at which a curve is drawn."""

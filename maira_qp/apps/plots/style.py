@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from maira_qp.apps.whole_files import replacing
+from maira_qp.io.atomic_write import replacing
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8A8A00")
 """Okabe and Ito, "Color universal design", 2008; their yellow darkened, to be seen on white."""

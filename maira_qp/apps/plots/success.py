@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import PercentFormatter
 
-from maira_qp.apps.benchmark.statistics import wilson_interval
 from maira_qp.apps.plots.style import COLORS, finish, styled
+from maira_qp.evaluation.statistics import wilson_interval
 
 HATCHES = ("", "//", "\\\\", "..", "xx", "--", "++", "oo", "||")
 """One more than there are colours: no two of many bars look the same."""

@@ -14,17 +14,17 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.apps.viewer.surroundings import collision_limit
+from maira_qp.apps.viewer.drawing.surroundings import collision_limit
 from maira_qp.errors import MairaError, OptionError
-from maira_qp.problem.collision import CollisionLimit
+from maira_qp.problem.limits.collision import CollisionLimit
+from maira_qp.problem.options import Options
 from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.results.solution import Solution
+from maira_qp.results.solution_set import Solutions
 from maira_qp.robots.collision.shapes import Shape
-from maira_qp.robots.robot import Robot
-from maira_qp.robots.whole_turns import WholeTurns
-from maira_qp.solvers.explanation import Explanation
-from maira_qp.solvers.options import Options
-from maira_qp.solvers.solution import Solution
-from maira_qp.solvers.solutions import Solutions
+from maira_qp.robots.model.revolutions import WholeTurns
+from maira_qp.robots.model.robot import Robot
+from maira_qp.solvers.analysis.explanation import Explanation
 from maira_qp.solvers.solver import Solver
 
 PATIENCE = 0.25

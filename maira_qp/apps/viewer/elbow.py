@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from maira_qp.analytic.srs.arcs import Arc, arcs
+from maira_qp.analytic.srs.geometry import BRANCHES, SRS, Branch, rotations, wrapped
 from maira_qp.apps.viewer.self_motion import SelfMotion, is_redundant, self_motion
-from maira_qp.robots.arcs import Arc, arcs
-from maira_qp.robots.robot import Robot
-from maira_qp.robots.srs import BRANCHES, SRS, Branch, rotations, wrapped
+from maira_qp.robots.model.robot import Robot
 
 ON_ARC = 1e-6
 """How near a configuration is to the arc that it is on, in every joint [rad]."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from maira_qp.apps.viewer.elbow import Elbow
 from maira_qp.apps.viewer.recording import Recording
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.model.robot import Robot
 
 SWIVEL_SPEED = 1.5
 """[rad/s], before the speed limits of the joints"""

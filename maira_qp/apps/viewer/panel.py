@@ -12,15 +12,15 @@ import numpy as np
 import pinocchio as pin
 import viser
 
-from maira_qp.apps.commands.output import Angles
-from maira_qp.apps.commands.robot_choice import CATALOG
+from maira_qp.apps.arguments.output import Angles
+from maira_qp.apps.arguments.robot_choice import CATALOG
 from maira_qp.apps.viewer import readout
 from maira_qp.apps.viewer.recording import SUFFIXES, plain_name, save
 from maira_qp.apps.viewer.session import Method, Session
 from maira_qp.apps.viewer.view import View
 from maira_qp.errors import OptionError
 from maira_qp.robots.collision.shapes import Box, Shape, Sphere
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.model.robot import Robot
 
 METHODS: dict[str, Method] = {
     "Strict hierarchy": "strict",

@@ -8,14 +8,14 @@ from math import degrees
 import numpy as np
 
 from maira_qp.apps.viewer.answers import Verdict
+from maira_qp.apps.viewer.drawing.surroundings import MARGIN, Clearance
 from maira_qp.apps.viewer.elbow import Elbow
 from maira_qp.apps.viewer.recording import Recording
 from maira_qp.apps.viewer.session import Session
-from maira_qp.apps.viewer.surroundings import MARGIN, Clearance
 from maira_qp.apps.viewer.view import Standing, View, limits_at
-from maira_qp.robots.robot import Robot
-from maira_qp.solvers.explanation import Explanation
-from maira_qp.solvers.solution import Status
+from maira_qp.results.solution import Status
+from maira_qp.robots.model.robot import Robot
+from maira_qp.solvers.analysis.explanation import Explanation
 
 GOOD, POOR, BAD, QUIET = "#1a7f4b", "#b26a00", "#c92a2a", "#868e96"
 _COLOURS_OF_STANDING = {

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from maira_qp.apps.whole_files import replacing
 from maira_qp.errors import OptionError
+from maira_qp.io.atomic_write import replacing
 from maira_qp.orientation import quaternion_from_matrix
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.model.robot import Robot
 
 LONGEST = 36_000
 """Most rows of a recording: ten minutes at 60 Hz."""

@@ -15,8 +15,8 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from maira_qp.robots.robot import Robot
-from maira_qp.solvers.options import Options
+from maira_qp.problem.options import Options
+from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.solver import Solver
 
 POSE = 6

@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 import viser
 
-from maira_qp.apps.commands.robot_choice import RobotChoice
-from maira_qp.apps.viewer.geometry import Geometry, geometry_of
+from maira_qp.apps.arguments.robot_choice import RobotChoice
+from maira_qp.apps.viewer.drawing.geometry import Geometry, geometry_of
+from maira_qp.apps.viewer.drawing.scene import Scene, frame_camera
 from maira_qp.apps.viewer.loop import Loop
 from maira_qp.apps.viewer.panel import Loaded, Panel
-from maira_qp.apps.viewer.scene import Scene, frame_camera
 from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.tips import tips_in
 from maira_qp.apps.viewer.view import View

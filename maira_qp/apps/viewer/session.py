@@ -17,21 +17,21 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.apps.viewer.answers import Fitted, Ghosts, Job, Verdict, explained, fitted, ghosts_of, verdict_on
+from maira_qp.apps.viewer.drawing.surroundings import Clearance, clearances, first_in_the_way, too_near
 from maira_qp.apps.viewer.elbow import Elbow, elbow_finder
 from maira_qp.apps.viewer.motions import Go, Motion, Replay, Swivel
 from maira_qp.apps.viewer.recording import Recording
 from maira_qp.apps.viewer.start import bent_configuration
-from maira_qp.apps.viewer.surroundings import Clearance, clearances, first_in_the_way, too_near
 from maira_qp.apps.viewer.view import Standing, View, limits_at
 from maira_qp.errors import OptionError
 from maira_qp.orientation import pose_error
-from maira_qp.problem.collision import CollisionLimit
+from maira_qp.problem.limits.collision import CollisionLimit
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.pose import as_pose
 from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.results.solution import Solution
 from maira_qp.robots.collision.shapes import Shape
-from maira_qp.robots.robot import Robot
-from maira_qp.solvers.solution import Solution
+from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.solver import Solver
 
 Method = Literal["strict", "weighted", "none"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.model.robot import Robot
 
 CANDIDATES = 300
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree
 
-from maira_qp.robots.urdf_tree import TOOL_WORDS
+from maira_qp.robots.urdf.link_tree import TOOL_WORDS
 
 
 def tips_in(file: Path) -> tuple[str, ...]:

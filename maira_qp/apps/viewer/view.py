@@ -9,10 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.apps.viewer.answers import Ghosts, Verdict
+from maira_qp.apps.viewer.drawing.surroundings import Clearance
 from maira_qp.apps.viewer.elbow import Elbow
-from maira_qp.apps.viewer.surroundings import Clearance
-from maira_qp.robots.robot import Robot
-from maira_qp.solvers.solution import ACTIVE_WITHIN
+from maira_qp.results.solution import ACTIVE_WITHIN
+from maira_qp.robots.model.robot import Robot
 
 
 class Standing(Enum):

@@ -20,7 +20,7 @@ from maira_qp.errors import OptionError
 from maira_qp.orientation import skew
 from maira_qp.problem.tasks.frame import TargetTask
 from maira_qp.problem.tasks.task import checked_weights
-from maira_qp.robots.configuration import Configuration
+from maira_qp.robots.model.configuration import Configuration
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,8 +24,8 @@ from maira_qp.errors import OptionError, shown
 from maira_qp.orientation import orientation_error, skew
 from maira_qp.problem.pose import as_pose
 from maira_qp.problem.tasks.task import Task, checked_weights
-from maira_qp.robots.configuration import Configuration
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.model.configuration import Configuration
+from maira_qp.robots.model.robot import Robot
 
 METRE = 4.0
 """What an error of the arm's whole length counts unless a weight is given [rad]: 2 rad/m for an arm of 2 m."""

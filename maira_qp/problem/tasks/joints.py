@@ -11,8 +11,8 @@ import numpy as np
 from maira_qp.arrays import real_array
 from maira_qp.errors import OptionError, listed, shown
 from maira_qp.problem.tasks.task import Task, checked_weights
-from maira_qp.robots.configuration import Configuration
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.model.configuration import Configuration
+from maira_qp.robots.model.robot import Robot
 
 
 @dataclass(frozen=True, kw_only=True)

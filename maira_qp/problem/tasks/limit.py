@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from maira_qp.errors import OptionError, shown
-from maira_qp.problem.limits import Limit, Tick
+from maira_qp.problem.limits.joint import Limit, Tick
 from maira_qp.problem.tasks.task import Task, checked_weights
-from maira_qp.robots.configuration import Configuration
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.model.configuration import Configuration
+from maira_qp.robots.model.robot import Robot
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from maira_qp.errors import OptionError
 from maira_qp.problem.objectives import Objective, check_objective
 from maira_qp.problem.tasks.task import check_place, checked_weights
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.model.robot import Robot
 
 
 @dataclass(frozen=True)

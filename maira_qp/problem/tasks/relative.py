@@ -13,8 +13,8 @@ from maira_qp.errors import FrameError, OptionError
 from maira_qp.orientation import skew
 from maira_qp.problem.tasks.frame import METRE, TargetTask, frame_error
 from maira_qp.problem.tasks.task import checked_weights
-from maira_qp.robots.configuration import Configuration
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.model.configuration import Configuration
+from maira_qp.robots.model.robot import Robot
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,8 +18,8 @@ from maira_qp.errors import OptionError
 from maira_qp.orientation import skew
 from maira_qp.problem.tasks.axis import unit_vector
 from maira_qp.problem.tasks.task import Task, checked_weights
-from maira_qp.robots.configuration import Configuration
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.model.configuration import Configuration
+from maira_qp.robots.model.robot import Robot
 
 SMALL = 1e-9
 """A triangle lower than this [m] has no plane, and no swivel angle."""

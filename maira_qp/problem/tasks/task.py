@@ -29,9 +29,9 @@ import pinocchio as pin
 
 from maira_qp.arrays import is_count, is_number, real_array
 from maira_qp.errors import OptionError, shown
-from maira_qp.problem.limits import Tick
-from maira_qp.robots.configuration import Configuration
-from maira_qp.robots.robot import Robot
+from maira_qp.problem.limits.joint import Tick
+from maira_qp.robots.model.configuration import Configuration
+from maira_qp.robots.model.robot import Robot
 
 NUDGE = 1e-5
 """Of the joints, where a Jacobian is differentiated by differences [rad or m]"""

@@ -18,8 +18,8 @@ import pinocchio as pin
 from maira_qp.errors import MairaError, OptionError, RobotError, listed
 from maira_qp.robots.collision.meshes import THICKNESS
 from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
-from maira_qp.robots.robot import Robot
-from maira_qp.robots.rpy import matrix_from_rpy
+from maira_qp.robots.model.robot import Robot
+from maira_qp.robots.urdf.rpy import matrix_from_rpy
 
 log = logging.getLogger(__name__)
 

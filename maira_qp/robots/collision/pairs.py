@@ -12,8 +12,8 @@ import numpy as np
 from maira_qp.arrays import is_listing
 from maira_qp.errors import OptionError, RobotError, listed, shown
 from maira_qp.robots.collision.scene import Part, Scene
-from maira_qp.robots.robot import Robot
-from maira_qp.robots.xml_text import xml_root
+from maira_qp.robots.model.robot import Robot
+from maira_qp.robots.urdf.safe_xml import xml_root
 
 log = logging.getLogger(__name__)
 

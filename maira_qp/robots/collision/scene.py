@@ -24,7 +24,7 @@ import pinocchio as pin
 
 from maira_qp.robots.collision.link_shapes import LinkShape
 from maira_qp.robots.collision.shapes import Shape
-from maira_qp.robots.robot import Robot
+from maira_qp.robots.model.robot import Robot
 
 GJK_TOLERANCE = 1e-9
 """To which distances are found [m]."""

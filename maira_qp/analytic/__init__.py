@@ -1,0 +1,1 @@
+"""Inverse kinematics in closed form, and the geometry that it stands on."""

@@ -1,0 +1,132 @@
+"""How a command says what it found: JSON for machines, tables for people, angles in the unit that was asked for."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from maira_qp.arrays import plain, real_array
+from maira_qp.errors import ConfigurationError, OptionError
+
+if TYPE_CHECKING:
+    from maira_qp.robots.model.robot import Robot
+
+VERDICTS = {"CONVERGED": 0, "NEAREST": 1, "UNREACHABLE": 3, "BUDGET_SPENT": 4, "INVALID_TARGET": 5, "LIMITS_BROKEN": 6}
+"""Exit codes by the name of the status."""
+
+PICTURES = (".png", ".svg", ".pdf")
+NO_PICTURE = "pictures need matplotlib: pip install 'maira-qp[plot]'"
+WIDTH_OF_FILES = 160
+"""Columns of a table that goes into a file or a pipe, where no terminal tells."""
+
+
+class _Console(Console):
+    """One that does not end the process where the reader has gone away."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
+
+
+def console(*, stderr: bool = False) -> Console:
+    """A console on stdout or stderr, as wide as the terminal or as COLUMNS says; wide where there is neither."""
+    stream = sys.stderr if stderr else sys.stdout
+    width = None if stream.isatty() or "COLUMNS" in os.environ else WIDTH_OF_FILES
+    return _Console(file=stream, width=width, markup=False, highlight=False)
+
+
+def picture_is_possible(path: Path) -> bool:
+    """Before a long run: whether matplotlib is there. Raises `OptionError` for a name that no picture can have."""
+    if path.suffix.lower() not in PICTURES:
+        raise OptionError(f"a picture's name ends in {', '.join(PICTURES)}, not {path.name!r}")
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+def check_picture(path: Path) -> None:
+    """Before a long run: whether a picture can be drawn, of the kind that its name asks for. Raises `OptionError`."""
+    if not picture_is_possible(path):
+        raise OptionError(NO_PICTURE)
+
+
+def print_json(value: Any) -> None:
+    """One JSON value on stdout; numbers that are not finite are null."""
+    sys.stdout.write(json.dumps(plain(value), allow_nan=False, indent=2) + "\n")
+
+
+class Angles:
+    """Joint values in and out: radians, or degrees where asked for; sliding joints are in metres either way."""
+
+    def __init__(self, robot: Robot, degrees: bool) -> None:
+        """For the joints of one robot."""
+        self.unit = "deg" if degrees else "rad"
+        self.one = 180.0 / math.pi if degrees else 1.0
+        """One radian in the unit."""
+        self.units = ["m" if slides else self.unit for slides in robot.slides]
+        self._scale = np.where(robot.slides, 1.0, self.one)
+
+    def read(self, values: Any) -> np.ndarray:
+        """Joint values (n,) as given, in rad and m. Raises `ConfigurationError` if they are not n finite numbers."""
+        return real_array(values, self._scale.shape, "the joint values", ConfigurationError) / self._scale
+
+    def write(self, q: np.ndarray) -> np.ndarray:
+        """Joint values (n,) in rad and m, in the units asked for."""
+        return q * self._scale
+
+
+def numbers(values: Any) -> str:
+    """Numbers in columns, six decimals."""
+    return " ".join(f"{value:11.6f}" for value in values)
+
+
+def joint_table(names: Sequence[str], q: np.ndarray, units: Sequence[str], limits: Sequence[str] = ()) -> Table:
+    """Joint values, a row each; `limits` says for each joint which of its limits it stands on, if any."""
+    table = Table()
+    table.add_column("joint")
+    table.add_column("value", justify="right")
+    if any(limits):
+        table.add_column("limit")
+    for i, name in enumerate(names):
+        table.add_row(name, f"{q[i]:.9g} {units[i]}", *([limits[i]] if any(limits) else []))
+    return table
+
+
+@contextlib.contextmanager
+def progress_bar(label: str) -> Iterator[Callable[[int, int], None]]:
+    """A bar on stderr with count, rate and time left; call what it gives with what is done and what there is in all.
+
+    The rate counts what is done from now on, not what an earlier run had done. Nothing is drawn where stderr is no
+    terminal.
+    """
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
+        task = bar.add_task(label, total=None, rate="")
+        begin, before = time.monotonic(), None
+
+        def show(done: int, total: int) -> None:
+            nonlocal before
+            before = done if before is None else before
+            rate = (done - before) / max(time.monotonic() - begin, 1e-9)
+            bar.update(task, completed=done, total=total, rate=f"{rate:.0f} a second")
+
+        yield show

@@ -1,0 +1,59 @@
+"""Which robot: a name of the catalog, a URDF file, or a file with a DH table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from maira_qp.errors import OptionError, RobotError
+
+if TYPE_CHECKING:
+    from maira_qp.robots.model.robot import Robot
+
+CATALOG = ("maira", "iiwa14")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotChoice:
+    """Which robot, and which part of it."""
+
+    robot: str = "maira"
+    """maira, iiwa14, a URDF file (.urdf or .xml), or a DH table (.toml, .yaml or .yml)."""
+    tip: str | None = None
+    """Link that is the tool; none: the only end of the chain."""
+    base: str | None = None
+    """Link that poses are relative to; none: the root."""
+    limits: tuple[str, ...] = ()
+    """Limits of joints of a URDF in place of its own [rad, or m], such as joint1=-1.5:1.5."""
+
+    def load(self) -> Robot:
+        """The robot. Raises `RobotError`, `FrameError`, `OptionError`."""
+        from maira_qp.robots.dh.table import DHTable
+        from maira_qp.robots.model.robot import Robot
+
+        suffix = Path(self.robot).suffix.lower()
+        limits = dict(map(_limits, self.limits))
+        if suffix in (".urdf", ".xml"):
+            return Robot.from_urdf(Path(self.robot), tip=self.tip, base=self.base, limits=limits)
+        if self.robot in CATALOG:
+            robot = getattr(Robot, self.robot)()
+        elif suffix in (".toml", ".yaml", ".yml"):
+            robot = Robot.from_dh(DHTable.from_file(self.robot))
+        else:
+            raise RobotError(
+                f"unknown robot {self.robot!r}; valid: {', '.join(CATALOG)}, a file (.urdf, .xml, .toml, .yaml, .yml)"
+            )
+        if self.tip is None and self.base is None and not limits:
+            return robot
+        return Robot.from_urdf(robot.urdf, tip=self.tip or robot.tip, base=self.base, limits=limits)
+
+
+def _limits(word: str) -> tuple[str, tuple[float, float]]:
+    """A joint's name, and its limits. Raises `OptionError`."""
+    name, _, ends = word.rpartition("=")
+    try:
+        lower, upper = map(float, ends.split(":"))
+    except ValueError:
+        raise OptionError(f"--limits takes JOINT=LOWER:UPPER, such as joint1=-1.5:1.5, not {word!r}") from None
+    return name, (lower, upper)

@@ -1,1 +1,0 @@
-"""How often, how fast and how exactly: methods against strata of targets, judged by an FK that no solver uses."""

@@ -1,1 +1,0 @@
-"""Files of poses and of the answers to them: CSV, NPZ and Parquet."""

@@ -1,0 +1,90 @@
+"""The answers to a file's poses: named columns, and how they get into a file behind what was asked."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from maira_qp.errors import OptionError
+from maira_qp.io.atomic_write import replacing
+from maira_qp.io.csv_table import write_csv
+from maira_qp.io.npz_table import NpzTable, write_npz
+from maira_qp.io.parquet_table import write_parquet
+from maira_qp.io.poses import check_format
+from maira_qp.io.table import Table
+from maira_qp.results.solution import BatchSolution, Status
+
+NUMBERS = ("position_error", "orientation_error", "iterations", "restarts", "condition_number")
+STAYING = ("left_q0", "max_joint_change")
+COLUMNS = ("success", "status", *NUMBERS, *STAYING, "active_limits")
+REMARKS = ("optimal", "start_projected")
+"""Fields of a batch that are summed up and not written."""
+STATUS_NAMES = np.full(max(Status) + 1, None, dtype=object)
+STATUS_NAMES[list(Status)] = [status.name for status in Status]
+
+
+def columns(batches: Iterable[BatchSolution]) -> dict[str, np.ndarray]:
+    """The answers of one batch or more as `COLUMNS` and `REMARKS` (N,), and q (N, n) [rad or m]; text as objects."""
+    blocks = [_columns(batch) for batch in batches]
+    return {name: np.concatenate([block.pop(name) for block in blocks]) for name in tuple(blocks[0])}
+
+
+def _columns(batch: BatchSolution) -> dict[str, np.ndarray]:
+    limits = np.empty(len(batch), dtype=object)
+    limits[:] = [sys.intern(";".join(each)) for each in batch.active_limits]  # a few texts, many times
+    found = {"success": batch.success, "status": STATUS_NAMES[batch.status]}
+    fields = {name: getattr(batch, name) for name in (*NUMBERS, *STAYING, *REMARKS)}
+    return found | fields | {"active_limits": limits, "q": batch.q}
+
+
+def check_output(path: Path, table: Table, joint_names: Sequence[str]) -> None:
+    """Before a long run: whether the answers can go there, beside what was asked. Raises `OptionError`."""
+    check_format(path)
+    folder = next(each for each in path.absolute().parents if each.exists())
+    if path.exists() and not path.is_file():
+        raise OptionError(f"{path} is no file that can be replaced")
+    if not (folder.is_dir() and os.access(folder, os.W_OK)):
+        raise OptionError(f"{path} cannot be written: {folder} is no folder that can be written to")
+    if path.exists() and path.samefile(table.path):
+        raise OptionError(f"{path} is the file of the poses; name another one with --output")
+    whole = path.suffix.lower() == ".npz"
+    asked = table.arrays if whole and isinstance(table, NpzTable) else table.names
+    for name in _names(whole, joint_names):
+        if name in asked:
+            raise OptionError(f"{table.path} has {name!r} already, which is a name of an answer; rename or remove it")
+
+
+def write_answers(path: Path, table: Table, answers: Mapping[str, np.ndarray], joint_names: Sequence[str]) -> None:
+    """Writes a file whole or not at all: what the table holds, then the answers. Raises `OSError`, `PoseError`."""
+    suffix = path.suffix.lower()
+    arrays = [answers[name] for name in COLUMNS]
+    if suffix == ".npz":
+        arrays += [answers["q"], np.array(joint_names, dtype=str)]
+    else:
+        arrays += list(answers["q"].T)
+    named = dict(zip(_names(suffix == ".npz", joint_names), arrays, strict=True))
+    invalid = answers["status"] == Status.INVALID_TARGET.name
+    if suffix != ".npz":
+        named = {name: _known(array, invalid) for name, array in named.items()}
+    with replacing(path) as file:
+        {".csv": write_csv, ".npz": write_npz, ".parquet": write_parquet}[suffix](file, table, named)
+
+
+def _known(array: np.ndarray, invalid: np.ndarray) -> np.ndarray:
+    """A column (N,) whose numbers are masked where there was nothing to answer, (N,), or they are NaN."""
+    unknown = np.isnan(array) if array.dtype.kind == "f" else invalid
+    return np.ma.masked_array(array, mask=unknown) if array.dtype.kind in "if" and unknown.any() else array
+
+
+def left_out(path: Path, table: Table) -> Sequence[str]:
+    """Arrays of an archive that have no place in a file of rows."""
+    return table.left_out if isinstance(table, NpzTable) and path.suffix.lower() != ".npz" else ()
+
+
+def _names(whole: bool, joint_names: Sequence[str]) -> tuple[str, ...]:
+    """Of the answers in a file, q as a whole array or a column a joint."""
+    return (*COLUMNS, "q", "joint_names") if whole else (*COLUMNS, *(f"q_{joint}" for joint in joint_names))

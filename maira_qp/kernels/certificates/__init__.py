@@ -1,0 +1,1 @@
+"""Branch-and-bound certificates of unreachability for any chain."""

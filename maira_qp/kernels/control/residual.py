@@ -1,0 +1,202 @@
+"""What a tick leaves of each level's error, and multipliers of the rows above: see `solvers.reference.step_models`."""
+
+from __future__ import annotations
+
+import math
+
+from maira_qp.kernels.control.hierarchical_qp import add_rows
+from maira_qp.kernels.control.level_models import WEIGHT
+from maira_qp.kernels.jit.decorators import bare_kernel, inner_kernel
+from maira_qp.kernels.kinematics.kinematic_tree import VELOCITY
+from maira_qp.kernels.kinematics.serial_chain import LOWER, UPPER
+from maira_qp.kernels.linalg.ldl import factor_ldl, solve_ldl
+from maira_qp.kernels.linalg.qr_null_space import NONE, null_basis, others, reduce
+from maira_qp.kernels.linalg.symmetric_eigen import diagonalise
+
+# as in `solvers.reference.step_models`
+SINGULAR, FILTER, ABOVE, PASSES, NEAR, BENDS, NOTHING = 1e-2, 4, 1e-5, 4, 0.1, 1e-6, 1e-9
+HESSIAN_THRESHOLD = 1e-6
+"""As in `problem.qp.costs`."""
+
+TINY = 1e-30
+
+
+@inner_kernel
+def find_residual(tree, objectives, level, work, q, dt):
+    """Split the error of a level into what its step takes away and what it leaves, `work.left`: whether that bends.
+
+    From the gradient `work.g`. The multipliers of the rows above that balance the gradient into work.balances, those
+    that balance what is left of it into work.weights.
+    """
+    rows, g, held, left, errors = work.rows[: work.ends[level]], work.g, work.held, work.left, work.errors
+    first, m = work.ends[level - 1] if level > 0 else 0, work.ends[level]
+    above, x, K = work.balances[level], work.weights, work.rows[: work.ends[level - 1] if level > 0 else 0]
+    for i in range(len(q)):
+        held[i] = not tree[i, LOWER] < tree[i, UPPER]
+    if first == 0:
+        _hold(tree, K, above, g, q, dt, held)
+    nu = _factor_rows(rows, first, held, work.gram, work.factor)
+    for _ in range(PASSES if first > 0 else 0):
+        _balance(K, g, held, work.factor, above)
+        if not _hold(tree, K, above, g, q, dt, held):
+            break
+        nu = _factor_rows(rows, first, held, work.gram, work.factor)
+    _balance(K, g, held, work.factor, above)
+    work.gradients[level], work.left_norms[level] = _free_gradient(K, above, g, held), 0.0
+    if m == first:
+        for k in range(first):
+            x[k] = above[k]
+        return False
+    whole = 0.0
+    for k in range(first, m):
+        left[k] = errors[k]
+        whole += errors[k] * errors[k]
+    if objectives[level, WEIGHT] != 0.0:
+        _weighted_residual(objectives[level], rows, held, nu, work)
+    else:
+        for _ in range(FILTER):
+            for k in range(m):
+                x[k] = left[k] if k >= first else 0.0
+            solve_ldl(work.factor, m, x)
+            for k in range(first, m):
+                left[k] = nu * x[k]
+    rest, y = 0.0, work.y
+    for k in range(first, m):
+        rest += left[k] * left[k]
+    for i in range(len(q)):
+        s = g[i]
+        for k in range(first, m):
+            s += rows[k, i] * (errors[k] - left[k])
+        y[i] = s
+    _balance(K, y, held, work.factor, x)
+    work.left_norms[level] = math.sqrt(rest)
+    return rest > max(BENDS * BENDS * whole, NOTHING * NOTHING)
+
+
+@bare_kernel
+def _factor_rows(rows, first, held, gram, factor):
+    """Factor `S S^T`, S (m, n) the rows in the joints that are not held, with eps or, from `first` on, nu added: nu."""
+    m, n = len(rows), len(held)
+    above, own = 0.0, 0.0
+    for k in range(m):
+        for j in range(k + 1):
+            s = 0.0
+            for i in range(n):
+                if held[i] == 0:
+                    s += rows[k, i] * rows[j, i]
+            gram[k, j], gram[j, k] = s, s
+        if k < first:
+            above += gram[k, k]
+        else:
+            own += gram[k, k]
+    nu, eps = max(SINGULAR * SINGULAR * own, TINY), ABOVE * ABOVE * above + TINY
+    for k in range(m):
+        gram[k, k] += eps if k < first else nu
+    factor_ldl(gram, m, 0.0, factor)
+    return nu
+
+
+@bare_kernel
+def _balance(K, g, held, factor, multipliers):
+    """The multipliers (m,) of the rows K (m, n), factored, that balance g (n,) on the joints that are not held."""
+    for k in range(len(K)):
+        s = 0.0
+        for i in range(len(g)):
+            s -= 0.0 if held[i] else K[k, i] * g[i]
+        multipliers[k] = s
+    solve_ldl(factor, len(K), multipliers)
+
+
+@bare_kernel
+def _free_gradient(K, multipliers, g, held):
+    """Norm of what the rows K (m, n) and the joints that are held leave of a gradient (n,)."""
+    square = 0.0
+    for i in range(len(g)):
+        s = g[i]
+        for k in range(len(K)):
+            s += K[k, i] * multipliers[k]
+        square += 0.0 if held[i] else s * s
+    return math.sqrt(square)
+
+
+@bare_kernel
+def _hold(tree, K, multipliers, g, q, dt, held):
+    """Hold the joints that are pulled into a limit that is near, and no others: whether any changed."""
+    changed = False
+    for i in range(len(q)):
+        pull = -g[i]
+        for k in range(len(K)):
+            pull -= K[k, i] * multipliers[k]
+        lower, upper = tree[i, LOWER], tree[i, UPPER]
+        reach = min(tree[i, VELOCITY] * dt, NEAR)
+        hold = not lower < upper or (pull < 0.0 and lower - q[i] >= -reach) or (pull > 0.0 and upper - q[i] <= reach)
+        changed = changed or hold != (held[i] != 0)
+        held[i] = hold
+    return changed
+
+
+@inner_kernel
+def _weighted_residual(objective, rows, held, nu, work):
+    """The same of a first level with a posture beside its tasks."""
+    n, errors, left, M, F, x = len(held), work.errors, work.left, work.M, work.A, work.y
+    H, g = work.H[0], work.g
+    for i in range(n):
+        x[i] = 0.0 if held[i] else -g[i]
+        for j in range(n):
+            s = H[i, j]
+            for k in range(len(rows)):
+                s += rows[k, i] * rows[k, j]
+            M[i, j] = 0.0 if held[i] or held[j] else s
+        M[i, i] += 1.0 if held[i] else nu * SINGULAR**3
+    if not factor_ldl(M, n, 0.0, F):
+        return
+    solve_ldl(F, n, x)
+    for k in range(len(rows)):
+        s = errors[k]
+        for i in range(n):
+            s -= rows[k, i] * x[i]
+        left[k] = s
+
+
+@inner_kernel
+def add_bent_directions(tree, objectives, level, work):
+    """Add to the rows of a level the directions in which it bends though its rows do not feel them.
+
+    Returns whether it added any.
+    """
+    rows, ends, F, Z, M, A, V, joints = work.rows, work.ends, work.F, work.Z, work.M, work.A, work.V, work.joints
+    n, held, rank = len(tree), work.held, NONE
+    for i in range(n):
+        held[i] = not tree[i, LOWER] < tree[i, UPPER]
+    count = others(held, joints)
+    for k in range(level + 1):
+        rank = add_rows(work, k, joints[:count], rank, ABOVE)
+    k = count - rank
+    if k == 0:
+        return False
+    flat = work.flat[level]
+    if objectives[level, WEIGHT] != 0.0:
+        largest = 0.0
+        for row in work.H[level]:
+            for h in row:
+                largest = max(largest, abs(h))
+        flat = HESSIAN_THRESHOLD * largest
+    null_basis(F, work.tau, joints, count, rank, work.g, work.y, Z, work.b)
+    reduce(work.H[level], k, Z, work.y, M)
+    if k == 1:
+        A[0, 0], V[0, 0] = M[0, 0], 1.0
+    else:
+        diagonalise(M, k, A, V)
+    added = False
+    for p in range(k):
+        if abs(A[p, p]) <= flat:
+            continue
+        for i in range(n):
+            s = 0.0
+            for b in range(k):
+                s += Z[i, b] * V[p, b]
+            rows[ends[level], i] = s
+        work.errors[ends[level]] = 0.0
+        ends[level] += 1
+        added = True
+    return added

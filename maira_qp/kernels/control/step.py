@@ -1,0 +1,220 @@
+"""One control tick: the compiled form of `solvers.reference.step`, where the algorithm is explained."""
+
+from __future__ import annotations
+
+import math
+
+from maira_qp.kernels.control.displacement_bounds import bounds_of_position, bounds_of_tick, rest_of, share_to_stop
+from maira_qp.kernels.control.hierarchical_qp import solve_each_level
+from maira_qp.kernels.control.level_models import (
+    WEIGHT,
+    add_curvature,
+    add_gauss_newton,
+    finish_model,
+    level_costs,
+    level_model,
+    row_errors,
+)
+from maira_qp.kernels.control.residual import add_bent_directions, find_residual
+from maira_qp.kernels.control.step_workspace import make_work
+from maira_qp.kernels.control.task_jacobians import LEVEL, OWN, SOURCE, TARGET
+from maira_qp.kernels.jit.decorators import bare_kernel, inner_kernel
+from maira_qp.kernels.kinematics.kinematic_tree import VELOCITY
+from maira_qp.kernels.kinematics.serial_chain import LOWER, UPPER
+from maira_qp.kernels.search.levenberg_marquardt import squares
+from maira_qp.kernels.search.multi_start import FARTHEST_START
+from maira_qp.kernels.spatial.pose_validation import FINE, pose_row
+
+BAD_CONFIGURATION, TOO_FAR = -1, -2
+
+ARMIJO, ROUNDING, AT_REST = 0.05, 1e-14, 1e-6
+"""As in `solvers.reference.step`."""
+
+ARRIVED, MOVING, NEAREST, STUCK = 0.0, 1.0, 2.0, 3.0
+"""As `maira_qp.StepStatus`."""
+
+# the entries of `numbers`
+DAMPING, LEAST_DAMPING, HALVINGS, WITHIN, FARTHEST, FEASIBILITY, IS_SLOW = 0, 1, 2, 3, 4, 5, 6
+FIRST, ROWS = 7, 8
+"""How many tasks are of the first priority, and how many rows all tasks can have, with those in which levels bend"""
+POSITION_LOSS, ORIENTATION_LOSS, POSITION_WITHIN, ORIENTATION_WITHIN, STATIONARITY = 9, 10, 11, 12, 13
+
+
+@bare_kernel
+def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, memory, index, out):
+    """A tick of dt [s] from q (n,) at a velocity (n,) toward the targets T (4 K, 4) of the call.
+
+    `out` (2 n + 3,) becomes the configuration after it, the velocity that leads to it, what is left of the errors of
+    position and orientation, and the status. Returns what is wrong with a target, see `rigid`, `TOO_FAR`, or
+    `BAD_CONFIGURATION`; then nothing is done.
+
+    See `levels` and `tree` for the problem; memory and index are as long as `memory_sizes` says.
+    """
+    n = len(q)
+    work = make_work(n, len(tasks), int(numbers[ROWS]), len(objectives), memory, index)
+    for i in range(n):
+        if not (abs(q[i]) <= FARTHEST_START and abs(velocity[i]) < math.inf):
+            return BAD_CONFIGURATION
+    fault = _read_targets(tasks, places, numbers, T, work.targets)
+    if fault != FINE:
+        return fault
+    lower, upper, step, trial = work.lower, work.upper, work.step, work.trial
+    level_costs(tree, parents, tasks, places, objectives, work, q, work.values)
+    is_bent = False
+    for level in range(len(objectives)):
+        asked = level_model(tree, parents, tasks, places, objectives, level, work, q)
+        bends = find_residual(tree, objectives, level, work, q, dt)
+        add_curvature(tree, parents, tasks, places, level, bends, work, q)
+        add_gauss_newton(level, work)
+        finish_model(level, bends, is_bent, asked, numbers[DAMPING], numbers[LEAST_DAMPING], work)
+        if level + 1 < len(objectives) and (bends or objectives[level, WEIGHT] != 0.0):
+            is_bent = (add_bent_directions(tree, objectives, level, work) and bends) or is_bent
+    share, solved = 1.0, len(objectives)
+    for timeless in range(int(numbers[IS_SLOW]), -1, -1):
+        if timeless > 0:
+            bounds_of_position(tree, q, lower, upper)
+        else:
+            bounds_of_tick(tree, q, velocity, dt, lower, upper)
+        solved = solve_each_level(objectives, share, work)
+        if timeless > 0 and solved > 0:
+            share = share_to_stop(tree, work.displacements[solved - 1], dt)
+    if not rest_of(lower, upper, step):
+        for i in range(n):
+            trial[i] = q[i] + step[i]
+        level_costs(tree, parents, tasks, places, objectives, work, trial, work.values)
+    _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q, solved)
+    ahead = out[:n]
+    for i in range(n):
+        low, high, reach = tree[i, LOWER], tree[i, UPPER], tree[i, VELOCITY]
+        move = min(max(step[i], lower[i]), upper[i])
+        ahead[i] = min(max(q[i] + move, low), high) if low <= q[i] <= high else q[i] + move
+        out[n + i] = min(max(move / dt, -reach), reach)
+    level_costs(tree, parents, tasks, places, objectives, work, ahead, work.values)
+    _report(work.e[: int(numbers[FIRST])], out[2 * n :])
+    out[2 * n + 2] = _status(tree, places, numbers, work, solved, dt, out[n : 2 * n])
+    return FINE
+
+
+@bare_kernel
+def _read_targets(tasks, places, numbers, T, targets):
+    """The target of each task as a row of targets (T, 12); what is wrong with one."""
+    for t in range(len(tasks)):
+        source = places[t, SOURCE]
+        if source == OWN:
+            for k in range(12):
+                targets[t, k] = tasks[t, TARGET + k]
+            continue
+        fault = pose_row(T[4 * source : 4 * source + 4], numbers[WITHIN], targets[t])
+        if fault != FINE:
+            return fault
+        for k in range(9, 12):
+            if abs(targets[t, k]) > numbers[FARTHEST]:
+                return TOO_FAR
+    return FINE
+
+
+@inner_kernel
+def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q, solved):
+    """Add to the `step` what each level adds, shortened until the true costs, `values` those of now, allow it."""
+    displacements, values, trial_values, kept = work.displacements, work.values, work.trial_values, work.kept
+    lower, upper, step, part, trial, solved_above = work.lower, work.upper, work.step, work.part, work.trial, work.dq
+    n, slack, errors = len(q), numbers[FEASIBILITY], work.errors
+    for i in range(n):
+        solved_above[i] = step[i]
+    for level in range(solved):
+        before, slope = values[level], 0.0
+        H, c, mu, multipliers = work.H[level], work.c[level], work.mu[level], work.balances[level]
+        rows = work.ends[level - 1] if level > 0 else 0
+        for k in range(rows):
+            errors[k], work.errors_there[k] = 0.0, 0.0
+        row_errors(tasks, places, level, work.ends, work.e, work.errors_there)
+        for i in range(n):
+            s = c[i] + mu * solved_above[i]
+            for j in range(n):
+                s += H[i, j] * solved_above[j]
+            part[i] = displacements[level, i] - solved_above[i]
+            slope += s * part[i]
+        for i in range(n):
+            solved_above[i] = displacements[level, i]
+        share, most, slope, done = 1.0, before + ROUNDING * (1.0 + abs(before)), ARMIJO * min(slope, 0.0), False
+        for _ in range(int(numbers[HALVINGS])):
+            inside, shrink = True, 0.5
+            for i in range(n):
+                move = step[i] + share * part[i]
+                trial[i] = q[i] + move
+                inside = inside and lower[i] - slack <= move <= upper[i] + slack
+            if inside:
+                level_costs(tree, parents, tasks, places, objectives, work, trial, trial_values)
+                loss = _loss(tasks, places, objectives, numbers, level, work)
+                merit = trial_values[level]
+                row_errors(tasks, places, level, work.ends, work.e, errors)
+                for k in range(rows):
+                    merit -= multipliers[k] * (errors[k] - work.errors_there[k])
+                if loss <= 1.0 and merit <= most + share * slope:
+                    done = True
+                    break
+                if loss > 1.0:
+                    shrink = max(0.1, min(0.9 / math.sqrt(loss), 0.8))
+            share *= shrink
+        if done:
+            for i in range(n):
+                step[i] += share * part[i]
+            for k in range(len(values)):
+                values[k] = trial_values[k]
+        elif level + 1 < solved:
+            for i in range(n):
+                trial[i] = q[i] + step[i]
+            level_costs(tree, parents, tasks, places, objectives, work, trial, values)
+        for t in range(len(tasks)):
+            if places[t, LEVEL] == level:
+                position, orientation = squares(work.e[t])
+                kept[t, 0], kept[t, 1] = math.sqrt(position), math.sqrt(orientation)
+        work.highest[level] = values[level]
+
+
+@inner_kernel
+def _loss(tasks, places, objectives, numbers, level, work):
+    """What the levels above one lose, the largest share of what they may."""
+    loss, e, kept = -1.0, work.e, work.kept
+    for t in range(len(tasks)):
+        if places[t, LEVEL] >= level:
+            break
+        position, orientation = squares(e[t])
+        loss = max(loss, (math.sqrt(position) - kept[t, 0]) / numbers[POSITION_LOSS])
+        loss = max(loss, (math.sqrt(orientation) - kept[t, 1]) / numbers[ORIENTATION_LOSS])
+    for k in range(level):
+        if objectives[k, WEIGHT] != 0.0:
+            loss = max(loss, (work.trial_values[k] - work.highest[k]) / (0.5 * numbers[ORIENTATION_LOSS] ** 2))
+    return loss
+
+
+@inner_kernel
+def _status(tree, places, numbers, work, solved, dt, velocity):
+    """What the arm is doing after a tick, from the errors in work.e and what the QPs asked for."""
+    arrived, moving, wanted, slope = True, False, solved == 0, 0.0
+    for error in work.e[: len(places)]:
+        position, orientation = squares(error)
+        arrived = arrived and position <= numbers[POSITION_WITHIN] ** 2
+        arrived = arrived and orientation <= numbers[ORIENTATION_WITHIN] ** 2
+    if arrived:
+        return ARRIVED
+    for i in range(len(velocity)):
+        slow = AT_REST * (tree[i, VELOCITY] if tree[i, VELOCITY] < math.inf else 1.0)
+        moving = moving or abs(velocity[i]) > slow
+        wanted = wanted or abs(work.displacements[solved - 1, i]) > slow * dt
+    if moving:
+        return MOVING
+    if wanted:
+        return STUCK
+    for t in range(len(places)):
+        slope = max(slope, work.gradients[places[t, LEVEL]])
+    return NEAREST if slope <= numbers[STATIONARITY] else MOVING
+
+
+@bare_kernel
+def _report(e, left):
+    """The largest errors of position [m] and orientation [rad] among e (T, 6) into left (2,)."""
+    left[0], left[1] = 0.0, 0.0
+    for error in e:
+        position, orientation = squares(error)
+        left[0], left[1] = max(left[0], math.sqrt(position)), max(left[1], math.sqrt(orientation))

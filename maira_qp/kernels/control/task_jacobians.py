@@ -1,0 +1,280 @@
+"""The tasks of a tick: their errors, and the rows by which these fall, kind by kind.
+
+Every task has an error e (6,), [m] in the first three entries and [rad] in the last, and weights (6,), 0 where nothing
+counts. Tasks of frames have levers too: the derivative of `-e` by the twists of up to three frames, (6, 6) each, which
+times the Jacobians of the frames are the rows. The joints' own tasks have their coefficients in place of levers, and a
+task that damps has one row a joint and no error. The definitions are in `problem.tasks`.
+
+`tasks` (T, 60 + n) and `places` (T, 7) of int64 hold the columns below. A pose (12,) is R by rows, then p.
+"""
+
+from __future__ import annotations
+
+import math
+
+from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.spatial.pose_error import pose_error
+from maira_qp.kernels.spatial.so3 import bend_of_even_cost, bend_of_logarithm, inverse_right_jacobian
+from maira_qp.kernels.spatial.vectors import (
+    across_most,
+    cross,
+    dot,
+    length,
+    minus,
+    origin,
+    scaled,
+    turned,
+    turned_back,
+)
+
+# the columns of `tasks`
+WEIGHTS, GAIN, TASK_DAMPING = 0, 6, 7
+PLACEMENTS, TARGET = 8, 44
+"""Of up to three frames behind their joints (12,) each; and a target (12,) of its own"""
+AXIS, VALUE, COEFFICIENTS = 56, 59, 60
+"""The axis that points, or what a swivel angle counts from (3,); a joints' value or that angle; one a joint (n,)"""
+
+# the columns of `places`
+KIND, LEVEL, SOURCE, AXES, JOINTS = 0, 1, 2, 3, 4
+"""SOURCE: which target of the call it takes, or `OWN`; JOINTS: those of the frames, `ABSENT` for none"""
+PLACE = 7
+OWN, ABSENT = -1, -2
+BASE_AXES, TARGET_AXES = 0, 1
+
+POSE, AXIS_ALONG, AXIS_AT, RELATIVE, SWIVEL, COUPLING, STILL = 0, 1, 2, 3, 4, 5, 6
+"""The kinds."""
+
+SMALL = 1e-9
+"""As in `problem.tasks.axis` and `.swivel`: shorter lengths [m] have no direction."""
+
+
+@bare_kernel
+def task_error(task, place, tools, target, q, e):
+    """The error of a task at q (n,) into e (6,), from the poses of its frames, tools (3, 12), and its target (12,)."""
+    kind = place[KIND]
+    if kind == POSE:
+        _frame_error(task, place, tools[0], target, e)
+        return
+    for k in range(6):
+        e[k] = 0.0
+    if kind in (AXIS_ALONG, AXIS_AT):
+        _direction_error(task, kind, tools[0], target, e)
+    elif kind == RELATIVE:
+        seen_from(tools[1], tools[0], tools[2])
+        pose_error(tools[2], target, e)
+    elif kind == SWIVEL:
+        e[3] = _missing_swivel(task, tools)
+    elif kind == COUPLING:
+        e[3] = task[VALUE]
+        for i in range(len(q)):
+            e[3] -= task[COEFFICIENTS + i] * q[i]
+
+
+@bare_kernel
+def _frame_error(task, place, tool, target, e):
+    pose_error(tool, target, e)
+    if place[AXES] == TARGET_AXES:
+        e[0], e[1], e[2] = turned_back(target, (e[0], e[1], e[2]))
+        e[3], e[4], e[5] = turned_back(target, (e[3], e[4], e[5]))
+    for k in range(6):
+        if task[WEIGHTS + k] == 0.0:
+            e[k] = 0.0
+
+
+@bare_kernel
+def _direction_error(task, kind, tool, target, e):
+    """The rotation vector that takes the axis a to the direction d, along the two axes across d."""
+    a = turned(tool, (task[AXIS], task[AXIS + 1], task[AXIS + 2]))
+    d, _ = _direction(task, kind, tool, target)
+    first, second = _across(d)
+    turn, along = cross(a, d), dot(a, d)
+    sine = length(turn)
+    angle = math.atan2(sine, along)
+    if sine < 1e-12 and along < 0.0:
+        turn, angle = across_most(a), math.pi
+        sine = length(turn)
+    share = angle / sine if sine > 0.0 else 0.0
+    e[3], e[4] = share * dot(turn, first), share * dot(turn, second)
+
+
+@bare_kernel
+def _direction(task, kind, tool, target):
+    """The unit vector that the axis is to point along, and one over the distance [m] of what it points at, or 0."""
+    if kind == AXIS_ALONG:
+        return turned(target, (task[AXIS], task[AXIS + 1], task[AXIS + 2])), 0.0
+    away = minus(origin(target), origin(tool))
+    distance = length(away)
+    if distance > SMALL:
+        return scaled(1.0 / distance, away), 1.0 / distance
+    return (0.0, 0.0, 1.0), 1.0 / SMALL
+
+
+@bare_kernel
+def _across(d):
+    """Two unit vectors that are a right-handed frame with the unit vector d."""
+    first = across_most(d)
+    first = scaled(1.0 / length(first), first)
+    return first, cross(d, first)
+
+
+@bare_kernel
+def in_base(task, place, tool, target, pull):
+    """What pulls the two rows of a direction, pull[3:5], as a vector in base axes, pull[:3]."""
+    first, second = _across(_direction(task, place[KIND], tool, target)[0])
+    u, v = pull[3], pull[4]
+    for k in range(3):
+        pull[k] = u * first[k] + v * second[k]
+
+
+@bare_kernel
+def across_direction(task, place, tool, target, pull):
+    """The part of a vector in base axes, pull[:3], for the two rows of a direction, pull[3:5]."""
+    first, second = _across(_direction(task, place[KIND], tool, target)[0])
+    vector = pull[0], pull[1], pull[2]
+    pull[3], pull[4] = dot(vector, first), dot(vector, second)
+
+
+@bare_kernel
+def seen_from(reference, pose, seen):
+    """The pose `reference^-1 pose` into seen (12,)."""
+    for k in range(3):
+        seen[k], seen[3 + k], seen[6 + k] = turned_back(reference, (pose[k], pose[3 + k], pose[6 + k]))
+    seen[9], seen[10], seen[11] = turned_back(reference, minus(origin(pose), origin(reference)))
+
+
+@bare_kernel
+def _missing_swivel(task, tools):
+    """The turn of the elbow about the line from shoulder to wrist that is missing, the short way round."""
+    elbow, side, up, _ = _elbow_plane(task, tools)
+    x, y = dot(elbow, up), dot(elbow, side)
+    if math.sqrt(x * x + y * y) < SMALL:
+        return 0.0
+    missing = task[VALUE] - math.atan2(y, x)
+    return missing - 2.0 * math.pi * math.floor(missing / (2.0 * math.pi) + 0.5)
+
+
+@bare_kernel
+def _elbow_plane(task, tools):
+    """The elbow from the shoulder [m], both axes of the circle's plane, and the vector from shoulder to wrist [m]."""
+    reference = task[AXIS], task[AXIS + 1], task[AXIS + 2]
+    line = minus(origin(tools[2]), origin(tools[0]))
+    along = scaled(1.0 / max(length(line), SMALL), line)
+    up = minus(reference, scaled(dot(along, reference), along))
+    if length(up) < SMALL:
+        up = across_most(along)
+    up = scaled(1.0 / length(up), up)
+    return minus(origin(tools[1]), origin(tools[0])), cross(along, up), up, line
+
+
+@bare_kernel
+def task_levers(task, place, tools, target, e, levers):
+    """The derivative of `-e` by the twist of each frame, in base axes, into levers (3, 6, 6). Work: e (6,).
+
+    Where the angular rows of a pose count the same, its levers are those of the pose itself: the gradient is the same.
+    """
+    kind = place[KIND]
+    for f in range(3):
+        for k in range(6):
+            for j in range(6):
+                levers[f, k, j] = 0.0
+    if kind == POSE:
+        _frame_lever(task, place, tools[0], target, e, levers[0])
+    elif kind in (AXIS_ALONG, AXIS_AT):
+        _direction_lever(task, kind, tools[0], target, levers[0])
+    elif kind == RELATIVE:
+        _relative_levers(tools, levers)
+    elif kind == SWIVEL:
+        _swivel_levers(task, tools, levers)
+
+
+@bare_kernel
+def pose_bend(task, place, tool, target, of_cost, pull, e, inverse, S):
+    """How the rows of a pose bend, weighted by pull (6,): as its frame weighted by what becomes of pull, and S (3, 3).
+
+    S is what two turns of the frame add. Rows whose turns count the same bend as the frame's pose does, others as the
+    error. For the pull of a cost it is what this bends beside Gauss-Newton's part. Work: e (6,), inverse (3, 3).
+    """
+    if place[AXES] == TARGET_AXES:
+        pull[0], pull[1], pull[2] = turned(target, (pull[0], pull[1], pull[2]))
+        pull[3], pull[4], pull[5] = turned(target, (pull[3], pull[4], pull[5]))
+    even = _turns_evenly(task)
+    if even and not of_cost:
+        for i in range(3):
+            for j in range(3):
+                S[i, j] = 0.0
+        return
+    pose_error(tool, target, e)
+    phi, u = (e[3], e[4], e[5]), (pull[3], pull[4], pull[5])
+    if even:
+        square = max(task[WEIGHTS + 3] * task[WEIGHTS + 3], 1e-300)
+        bend_of_even_cost((-u[0] / square, -u[1] / square, -u[2] / square), task[WEIGHTS + 3], S)
+        return
+    inverse_right_jacobian(phi, inverse)
+    bend_of_logarithm(phi, u, inverse, S)
+    for k in range(3):
+        pull[3 + k] = inverse[0, k] * u[0] + inverse[1, k] * u[1] + inverse[2, k] * u[2]
+
+
+@bare_kernel
+def _turns_evenly(task):
+    """The angular rows of a pose count the same each."""
+    return task[WEIGHTS + 3] == task[WEIGHTS + 4] == task[WEIGHTS + 5]
+
+
+@bare_kernel
+def _frame_lever(task, place, tool, target, e, lever):
+    angular = lever[3:, 3:]
+    if _turns_evenly(task):
+        for k in range(3):
+            angular[k, k] = 1.0
+    else:
+        pose_error(tool, target, e)
+        inverse_right_jacobian((e[3], e[4], e[5]), angular)
+    for k in range(3):
+        lever[k, k] = 1.0
+    if place[AXES] == TARGET_AXES:
+        for k in range(3):
+            lever[0, k], lever[1, k], lever[2, k] = turned_back(target, (lever[0, k], lever[1, k], lever[2, k]))
+            angular[0, k], angular[1, k], angular[2, k] = turned_back(
+                target, (angular[0, k], angular[1, k], angular[2, k])
+            )
+
+
+@bare_kernel
+def _direction_lever(task, kind, tool, target, lever):
+    """What turns the axis across d counts; and what moves it past the point that it looks at."""
+    d, nearness = _direction(task, kind, tool, target)
+    first, second = _across(d)
+    for k in range(3):
+        lever[3, k], lever[3, 3 + k] = -nearness * second[k], first[k]
+        lever[4, k], lever[4, 3 + k] = nearness * first[k], second[k]
+
+
+@bare_kernel
+def _relative_levers(tools, levers):
+    """The frame's own twist, and minus that of the reference, which carries the frame along."""
+    reference, off = tools[1], minus(origin(tools[0]), origin(tools[1]))
+    for k in range(3):
+        axis = reference[k], reference[3 + k], reference[6 + k]
+        carried = cross(axis, off)
+        for j in range(3):
+            levers[0, k, j], levers[0, 3 + k, 3 + j] = axis[j], axis[j]
+            levers[1, k, j], levers[1, 3 + k, 3 + j] = -axis[j], -axis[j]
+            levers[1, k, 3 + j] = carried[j]
+
+
+@bare_kernel
+def _swivel_levers(task, tools, levers):
+    """Of shoulder, elbow and wrist: psi = atan2(y, x), both in a frame that turns with the line shoulder-wrist."""
+    elbow, side, up, line = _elbow_plane(task, tools)
+    x, y = dot(elbow, up), dot(elbow, side)
+    square, distance = x * x + y * y, max(length(line), SMALL)
+    if math.sqrt(square) < SMALL:
+        return
+    reference, along = (task[AXIS], task[AXIS + 1], task[AXIS + 2]), cross(up, side)
+    lift = dot(reference, up)
+    turn = dot(reference, along) / lift if lift > SMALL else 0.0
+    for k in range(3):
+        across = (x * side[k] - y * up[k]) / square
+        swing = (dot(elbow, along) * across - turn * side[k]) / distance
+        levers[0, 3, k], levers[1, 3, k], levers[2, 3, k] = swing - across, across, -swing

@@ -1,0 +1,1 @@
+"""Forward kinematics and Jacobians of chains and trees; whole turns."""

@@ -1,0 +1,1 @@
+"""What follows the search: the optimum in the null space of a pose, and the closest reachable pose."""

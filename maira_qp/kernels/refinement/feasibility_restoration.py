@@ -1,0 +1,124 @@
+"""Bring an arm that has moved along its self-motion back onto the pose.
+
+A joint that stands on a limit stays there; the others make the shortest step of Newton's method, which converges
+quadratically. Where that leaves the limits, or does not halve the error, the damped descent with a box QP of
+`solvers.reference.levenberg_marquardt` takes over, with all joints.
+"""
+
+from __future__ import annotations
+
+from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.kinematics.serial_chain import LOWER, UPPER, jacobian
+from maira_qp.kernels.linalg.qr_null_space import factor, shortest_solution
+from maira_qp.kernels.qp.box_qp import solve_box_qp
+from maira_qp.kernels.search.levenberg_marquardt import (
+    ACCEPTED,
+    DAMPING,
+    LEAST_DAMPING,
+    LEAST_FACTOR,
+    ORIENTATION_WEIGHT,
+    POSITION_WEIGHT,
+    REFUSED,
+    pose_cost,
+    quadratic_model,
+)
+from maira_qp.kernels.spatial.pose_hessian import weigh
+
+RANK_THRESHOLD = 1e-10
+"""Pivots below this share of the first count as zero. No pivot is smaller than the smallest singular value, and seldom
+several times larger, so that what `problem.qp.hierarchy` takes for a null space is one here too."""
+
+FARTHEST = 0.5
+"""A joint that would have to move farther [rad or m] is not near its pose: no step of Newton's method."""
+
+
+@bare_kernel
+def factor_rows(settings, J, fixed, At, tau, order, joints):
+    """Factor the weighted rows of the task, W J, of the joints that are not `fixed` (n,): their number and the rank."""
+    p, o = settings[POSITION_WEIGHT], settings[ORIENTATION_WEIGHT]
+    n = 0
+    for i in range(len(J)):
+        if not fixed[i]:
+            joints[n] = i
+            At[n, 0], At[n, 1], At[n, 2] = p * J[i, 0], p * J[i, 1], p * J[i, 2]
+            At[n, 3], At[n, 4], At[n, 5] = o * J[i, 3], o * J[i, 4], o * J[i, 5]
+            n += 1
+    return n, factor(At, n, 6, RANK_THRESHOLD, tau, order)
+
+
+@bare_kernel
+def restore(chain, settings, target, cost, enough, most, work, q):
+    """Lower the pose's cost at q (n,), in place, to `enough`, in at most `most` iterations of either kind.
+
+    `work` holds the kinematics of q before and after. Returns the cost and the iterations spent.
+    """
+    cost, spent = _follow_newton(chain, settings, target, cost, enough, most, work, q)
+    if cost > enough:
+        cost, more = _descend(chain, settings, target, enough, most, work, q)
+        spent += more
+    return cost, spent
+
+
+@bare_kernel
+def _follow_newton(chain, settings, target, cost, enough, most, work, q):
+    """Newton's method with the shortest steps of the joints off their limits, while it is well inside its range."""
+    axes, origins, tool, e, J = work.axes, work.origins, work.tool, work.e, work.J
+    At, tau, order, joints = work.At, work.tau, work.order, work.joints
+    weighted, x, fixed, trial = work.weighted, work.x, work.side, work.trial
+    n, spent, near = len(q), 0, True
+    while near and cost > enough and spent < most:
+        spent += 1
+        jacobian(chain, axes, origins, tool, J)
+        for i in range(n):
+            fixed[i] = q[i] <= chain[i, LOWER] or q[i] >= chain[i, UPPER]
+            trial[i] = q[i]
+        count, rank = factor_rows(settings, J, fixed, At, tau, order, joints)
+        weigh(settings, e, weighted)
+        shortest_solution(At, count, rank, tau, order, weighted, x)
+        for a in range(count):
+            i = joints[a]
+            trial[i] += x[a]
+            near = near and abs(x[a]) <= FARTHEST and chain[i, LOWER] <= trial[i] <= chain[i, UPPER]
+        value = pose_cost(chain, settings, target, trial, axes, origins, tool, e) if near else cost
+        near = near and value < 0.25 * cost
+        if near:
+            cost = value
+            for i in range(n):
+                q[i] = trial[i]
+    return cost, spent
+
+
+@bare_kernel
+def _descend(chain, settings, target, enough, most, work, q):
+    """Damped Gauss-Newton, a box QP an iteration, in at most `most` of them."""
+    axes, origins, tool, e, J, trial = work.axes, work.origins, work.tool, work.e, work.J, work.trial
+    H, c, diagonal, lower, upper, dq = work.H, work.c, work.diagonal, work.lower, work.upper, work.dq
+    A, y, free, side = work.A, work.y, work.free, work.side
+    n, damping, spent, fresh, largest = len(q), 1.0, 0, True, 0.0
+    cost = pose_cost(chain, settings, target, q, axes, origins, tool, e)
+    while cost > enough and spent < most:
+        spent += 1
+        if fresh:
+            jacobian(chain, axes, origins, tool, J)
+            largest = quadratic_model(settings, J, e, H, c, True)
+            for i in range(n):
+                lower[i], upper[i], diagonal[i] = chain[i, LOWER] - q[i], chain[i, UPPER] - q[i], H[i, i]
+        mu = damping * settings[DAMPING] * 2.0 * cost + max(1.0, damping) * settings[LEAST_DAMPING] * largest
+        for i in range(n):
+            H[i, i] = diagonal[i] + mu
+        if not solve_box_qp(H, c, lower, upper, A, free, side, y, dq):
+            break
+        for i in range(n):
+            trial[i] = min(max(q[i] + dq[i], chain[i, LOWER]), chain[i, UPPER])
+        value = pose_cost(chain, settings, target, trial, axes, origins, tool, e)
+        fresh = value < cost
+        if fresh:
+            cost = value
+            for i in range(n):
+                q[i] = trial[i]
+            damping = max(damping * settings[ACCEPTED], settings[LEAST_FACTOR])
+        else:
+            damping *= settings[REFUSED]
+    if not fresh:
+        cost = pose_cost(chain, settings, target, q, axes, origins, tool, e)
+    return cost, spent

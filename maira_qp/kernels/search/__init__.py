@@ -1,0 +1,1 @@
+"""Multi-start Levenberg-Marquardt: the descent, its seeds, the search over attempts."""

@@ -1,0 +1,200 @@
+"""Damped Gauss-Newton descents of pose costs inside a box, eight at a time: the compiled form of
+`solvers.reference.levenberg_marquardt`.
+
+From the same start and settings each lane takes the same steps; the algorithm and its source stand there. `LONGEST`
+bounds what a step moves any joint; where that is small, a descent follows the valley that it begins in. All lanes go on
+together, one iteration a call of `advance`; a lane that has ended is given a new start by whoever drives them.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+import numpy as np
+
+from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.simd import LANES, any_lane, full, least, load, load2, most, select, store, store2
+from maira_qp.kernels.kinematics.serial_chain import LOWER, UPPER, forward, jacobian
+from maira_qp.kernels.qp.box_qp_simd import solve_box_qps
+from maira_qp.kernels.spatial.pose_error import pose_error
+
+# the entries of `settings`
+POSITION_WEIGHT, ORIENTATION_WEIGHT = 0, 1
+POSITION_TOLERANCE, ORIENTATION_TOLERANCE = 2, 3
+MAX_ITERATIONS, DAMPING, STALL_STEPS, STALL_RATIO = 4, 5, 6, 7
+ACCEPTED, REFUSED, LEAST_FACTOR, MOST_FACTOR, LEAST_DAMPING = 8, 9, 10, 11, 12
+LONGEST, NEAR, NEAR_BY_ERROR = 13, 14, 15
+SETTINGS = 16
+
+# the rows of `state`, a number a lane; of three of them 1.0 says yes and 0.0 no; the last is the cost of the start
+COST, FACTOR, STALL_LEFT, ITERATIONS, LARGEST, POSITION, ORIENTATION = 0, 1, 2, 3, 4, 5, 6
+STARTING, ENDED, REACHED = 7, 8, 9
+FIRST_COST = 10
+STATE = 11
+
+Lanes = namedtuple("Lanes", "state target goal tool e q trial c diagonal lower upper side dq axes origins J H A")
+"""All arrays of eight descents, the lane their last axis: the state of each, its q (n,) and target (12,), and
+work."""
+
+
+@bare_kernel
+def lanes_memory(n):
+    """How many numbers `make_lanes` needs."""
+    return (STATE + 42 + n * (20 + 2 * n) + 1) * LANES
+
+
+@bare_kernel
+def make_lanes(n, memory):
+    """Eight descents of a chain of n joints, all of them ended, in the memory (lanes_memory(n),)."""
+    memory = memory[(-memory.ctypes.data // 8) % LANES :]  # a row is one line of the cache
+    small, memory = memory[: (STATE + 42) * LANES].reshape(-1, LANES), memory[(STATE + 42) * LANES :]
+    vectors, memory = memory[: 8 * n * LANES].reshape(8, n, LANES), memory[8 * n * LANES :]
+    lines, memory = memory[: 6 * n * LANES].reshape(2, n, 3, LANES), memory[6 * n * LANES :]
+    J, memory = memory[: 6 * n * LANES].reshape(n, 6, LANES), memory[6 * n * LANES :]
+    squares = memory[: 2 * n * n * LANES].reshape(2, n, n, LANES)
+    lanes = Lanes(
+        small[:STATE],
+        small[STATE : STATE + 12],
+        small[STATE + 12 : STATE + 24],
+        small[STATE + 24 : STATE + 36],
+        small[STATE + 36 :],
+        vectors[0],
+        vectors[1],
+        vectors[2],
+        vectors[3],
+        vectors[4],
+        vectors[5],
+        vectors[6],
+        vectors[7],
+        lines[0],
+        lines[1],
+        J,
+        squares[0],
+        squares[1],
+    )
+    store(lanes.state, ENDED, 1.0)
+    return lanes
+
+
+@bare_kernel
+def begin(state, q, target, lane, q0, wanted):
+    """Begin a descent from q0 (n,) toward the target `wanted` (12,) in one lane."""
+    for i in range(len(q0)):
+        q[i, lane] = q0[i]
+    for i in range(12):
+        target[i, lane] = wanted[i]
+    state[COST, lane], state[POSITION, lane], state[ORIENTATION, lane] = np.inf, np.inf, np.inf
+    state[STARTING, lane], state[ENDED, lane], state[REACHED, lane] = 1.0, 0.0, 0.0
+
+
+@bare_kernel
+def pose_cost(chain, settings, target, q, axes, origins, tool, e):
+    """`1/2 |W e|^2` at q (n,); the kinematics and the error are left in the arrays."""
+    forward(chain, q, axes, origins, tool)
+    pose_error(tool, target, e)
+    position, orientation = squares(e)
+    return 0.5 * (settings[POSITION_WEIGHT] ** 2 * position + settings[ORIENTATION_WEIGHT] ** 2 * orientation)
+
+
+@bare_kernel
+def squares(e):
+    """Squared errors of position and orientation in e (6,)."""
+    e0, e1, e2, e3, e4, e5 = load(e, 0), load(e, 1), load(e, 2), load(e, 3), load(e, 4), load(e, 5)
+    return e0 * e0 + e1 * e1 + e2 * e2, e3 * e3 + e4 * e4 + e5 * e5
+
+
+@bare_kernel
+def is_reached(settings, e):
+    """The error (6,) is within the tolerances, a part with weight 0 being free."""
+    position, orientation = squares(e)
+    return (position <= _largest_square(settings, POSITION_WEIGHT, POSITION_TOLERANCE)) & (
+        orientation <= _largest_square(settings, ORIENTATION_WEIGHT, ORIENTATION_TOLERANCE)
+    )
+
+
+@bare_kernel
+def _largest_square(settings, weight, tolerance):
+    return settings[tolerance] ** 2 if settings[weight] > 0.0 else np.inf
+
+
+@bare_kernel
+def quadratic_model(settings, J, e, H, c, renew):
+    """Gauss-Newton's H (n, n) and c (n,) from the transposed Jacobian J (n, 6) and e (6,); the largest entry of |H|.
+
+    Where the mask `renew` is false H and c stay as they are.
+    """
+    p2, o2 = settings[POSITION_WEIGHT] ** 2, settings[ORIENTATION_WEIGHT] ** 2
+    e0, e1, e2, e3, e4, e5 = load(e, 0), load(e, 1), load(e, 2), load(e, 3), load(e, 4), load(e, 5)
+    largest = full(c, 0.0)
+    for i in range(len(c)):
+        a0, a1, a2 = p2 * load2(J, i, 0), p2 * load2(J, i, 1), p2 * load2(J, i, 2)
+        a3, a4, a5 = o2 * load2(J, i, 3), o2 * load2(J, i, 4), o2 * load2(J, i, 5)
+        slope = -(a0 * e0 + a1 * e1 + a2 * e2 + a3 * e3 + a4 * e4 + a5 * e5)
+        store(c, i, select(renew, slope, load(c, i)))
+        for j in range(i + 1):
+            h = a0 * load2(J, j, 0) + a1 * load2(J, j, 1) + a2 * load2(J, j, 2)
+            h = h + (a3 * load2(J, j, 3) + a4 * load2(J, j, 4) + a5 * load2(J, j, 5))
+            h = select(renew, h, load2(H, i, j))
+            store2(H, i, j, h)
+            store2(H, j, i, h)
+        largest = most(largest, load2(H, i, i))  # of a positive matrix the largest entry stands on the diagonal
+    return largest
+
+
+@bare_kernel
+def advance(chain, settings, lanes):
+    """One iteration in every lane. What it does to a lane that has ended counts for nothing."""
+    state, q, trial, H = lanes.state, lanes.q, lanes.trial, lanes.H
+    n = len(q)
+    cost, factor, stall_left = load(state, COST), load(state, FACTOR), load(state, STALL_LEFT)
+    starting = load(state, STARTING) > 0.0
+    damping = factor * settings[DAMPING] * 2.0 * cost
+    damping = damping + most(factor, 1.0) * settings[LEAST_DAMPING] * load(state, LARGEST)
+    for i in range(n):
+        store2(H, i, i, load(lanes.diagonal, i) + damping)
+        store(lanes.lower, i, most(chain[i, LOWER] - load(q, i), -settings[LONGEST]))
+        store(lanes.upper, i, least(chain[i, UPPER] - load(q, i), settings[LONGEST]))
+    solved = starting
+    if any_lane(~starting):
+        solved = solve_box_qps(H, lanes.c, lanes.lower, lanes.upper, lanes.A, lanes.side, lanes.dq)
+    moved = starting
+    for i in range(n):
+        now = load(q, i)
+        there = least(most(now + load(lanes.dq, i), chain[i, LOWER]), chain[i, UPPER])
+        there = select(starting, now, there)
+        moved = moved | (there != now)
+        store(trial, i, there)
+    value = pose_cost(chain, settings, lanes.target, trial, lanes.axes, lanes.origins, lanes.tool, lanes.e)
+    better = (value < cost) & (starting | solved)
+    for i in range(n):
+        store(q, i, select(better, load(trial, i), load(q, i)))
+        store2(H, i, i, load(lanes.diagonal, i))
+    jacobian(chain, lanes.axes, lanes.origins, lanes.tool, lanes.J)
+    largest = quadratic_model(settings, lanes.J, lanes.e, H, lanes.c, better)
+    for i in range(n):
+        store(lanes.diagonal, i, load2(H, i, i))
+    position, orientation = squares(lanes.e)
+    reached = better & is_reached(settings, lanes.e)
+    stall_left = select(
+        better,
+        select(value < (1.0 - settings[STALL_RATIO]) * cost, settings[STALL_STEPS], stall_left - 1.0),
+        stall_left,
+    )
+    factor = select(better, most(factor * settings[ACCEPTED], settings[LEAST_FACTOR]), factor * settings[REFUSED])
+    factor = select(starting, 1.0, factor)
+    iterations = select(starting, 0.0, load(state, ITERATIONS) + 1.0)
+    ended = (
+        (stall_left <= 0.0) | (iterations >= settings[MAX_ITERATIONS]) | ((factor > settings[MOST_FACTOR]) & ~better)
+    )
+    ended = ended | reached | (solved & ~moved) | (starting & ~better)
+    store(state, FIRST_COST, select(starting, value, load(state, FIRST_COST)))
+    store(state, COST, select(better, value, cost))
+    store(state, FACTOR, factor)
+    store(state, STALL_LEFT, stall_left)
+    store(state, ITERATIONS, iterations)
+    store(state, LARGEST, largest)
+    store(state, POSITION, select(better, position, load(state, POSITION)))
+    store(state, ORIENTATION, select(better, orientation, load(state, ORIENTATION)))
+    store(state, STARTING, 0.0)
+    store(state, ENDED, select(ended, 1.0, full(q, 0.0)))
+    store(state, REACHED, select(reached, 1.0, full(q, 0.0)))

@@ -1,0 +1,1 @@
+"""Rotations and poses: checks, the pose error by the quaternion logarithm, its derivatives."""

@@ -1,0 +1,180 @@
+"""Nearest points of poses that an S-R-S arm cannot reach, from starts in closed form.
+
+The pose is moved along the line from the shoulder to its wrist, to a distance that the elbow's limits allow. What
+reaches it there is a good start. Where limits do not let the arm reach that either, each of the eight branches is
+looked at on a few swivel angles, at that where its joints are beyond their limits by the least in all, and clipped
+there; the best of these are the starts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from maira_qp.kernels.jit.decorators import bare_kernel, kernel
+from maira_qp.kernels.jit.simd import LANES
+from maira_qp.kernels.refinement.newton_simd import newton_in_lanes
+from maira_qp.kernels.search.levenberg_marquardt import lanes_memory, pose_cost, squares
+from maira_qp.kernels.search.multi_start import ATTEMPT, FINAL_COST, MOVED, ORIENTATION_ERROR, POSITION_ERROR, SPENT
+from maira_qp.kernels.srs.feasible_configuration import start
+from maira_qp.kernels.srs.reach import TURN
+from maira_qp.kernels.srs.spherical_joint import FIRST, LAST, MIDDLE, RANGE, RANGES, angle, discriminant
+from maira_qp.kernels.srs.spherical_joint import LOWER as JOINT_LOWER
+from maira_qp.kernels.srs.spherical_joint import UPPER as JOINT_UPPER
+from maira_qp.kernels.srs.swivel import (
+    CENTRE,
+    ELBOW,
+    LEVER,
+    LOWER,
+    SHOULDER,
+    UPPER,
+    approach,
+    bend,
+    elbow_from_middle,
+    swing,
+    values_at,
+)
+from maira_qp.kernels.srs.swivel import MIDDLE as ELBOW_MIDDLE
+from maira_qp.kernels.srs.swivel_intervals import FLOATS, INTEGERS, make_work
+
+STARTS = 5
+"""Of the eight branches that many are descended from."""
+SWIVELS = 6
+"""Swivel angles that each is looked at on, evenly around the circle."""
+_COS, _SIN = np.cos(2 * np.pi / SWIVELS), np.sin(2 * np.pi / SWIVELS)
+_BRANCHES, _MISS = 8, 3
+
+
+@kernel
+def nearest_in_closed_form(chain, settings, arm, span, targets, streams, shuffled, tolerance, q, outcome):
+    """The best stationary point of the pose error that Newton's method leads to from a few starts, into q (N, 7).
+
+    For each of targets (N, 12), with outcomes (N, 7) as of `search`, but for what tells of success; the cost stays
+    infinite where there is no start. `span` (2,) [m] are the distances of shoulder and wrist that the elbow allows;
+    `streams` (N,) and `shuffled` are as of `reach_in_closed_form`, tolerance as of `lane_newton`.
+    """
+    count, n = q.shape
+    starts, left = np.full((count * STARTS, n), np.nan), np.empty(count * STARTS)
+    steps, integers = np.empty(count * STARTS, np.int64), np.empty(max(INTEGERS, LANES), np.int64)
+    floats, kinematics = np.empty(max(FLOATS, lanes_memory(n))), np.empty((2 * n + 10, 3))
+    candidates, costs, parts = np.empty((_BRANCHES, n)), np.empty(_BRANCHES), np.empty((2, 2, _MISS + 1))
+    for k in range(count):
+        offset = TURN * np.float64(streams[k] >> np.uint64(32)) if shuffled else 0.0
+        own = starts[k * STARTS : (k + 1) * STARTS]
+        _put_starts(
+            chain, settings, arm, span, targets[k], offset, floats, integers, kinematics, candidates, costs, parts, own
+        )
+    newton_in_lanes(chain, settings, targets, STARTS, tolerance, floats, integers, starts, left, steps)
+    _choose(chain, settings, targets, kinematics, starts, steps, q, outcome)
+
+
+@bare_kernel
+def _choose(chain, settings, targets, kinematics, ends, steps, q, outcome):
+    """The best of the ends (N STARTS, 7) of each target (N, 12) into q (N, 7), and the outcomes (N, 7)."""
+    axes, origins, tool, e = _places(kinematics)
+    for k in range(len(targets)):
+        outcome[k, FINAL_COST], outcome[k, ATTEMPT], outcome[k, SPENT], outcome[k, MOVED] = np.inf, 0.0, 0.0, 0.0
+        for i in range(k * STARTS, (k + 1) * STARTS):
+            outcome[k, SPENT] += steps[i]
+            cost = pose_cost(chain, settings, targets[k], ends[i], axes, origins, tool, e)
+            if cost < outcome[k, FINAL_COST]:
+                position, orientation = squares(e)
+                outcome[k, FINAL_COST] = cost
+                outcome[k, POSITION_ERROR], outcome[k, ORIENTATION_ERROR] = np.sqrt(position), np.sqrt(orientation)
+                for j in range(7):
+                    q[k, j] = ends[i, j]
+
+
+@bare_kernel
+def _places(kinematics):
+    """Axes, origins, the tool's pose and its error, in the memory (2 n + 10, 3), of which twelve numbers are left."""
+    n = (len(kinematics) - 10) // 2
+    rest = kinematics[2 * n :].reshape(30)
+    return kinematics[:n], kinematics[n : 2 * n], rest[:12], rest[12:18]
+
+
+@bare_kernel
+def _put_starts(
+    chain, settings, arm, span, target, offset, floats, integers, kinematics, candidates, costs, parts, starts
+):
+    """The starts (STARTS, 7) of a target (12,), in rows that are left as they are where there are less."""
+    work, moved = make_work(floats, integers), kinematics[-4:].reshape(12)
+    _move_within(arm, span, target, moved)
+    if start(arm, moved, offset, work, starts[0]):
+        return
+    _clipped_branches(arm, moved, work, parts, candidates, costs)
+    axes, origins, tool, e = _places(kinematics)
+    for b in range(_BRANCHES):
+        if costs[b] < np.inf:
+            costs[b] = pose_cost(chain, settings, target, candidates[b], axes, origins, tool, e)
+    for i in range(STARTS):
+        best = np.argmin(costs)
+        for j in range(7):
+            starts[i, j] = candidates[best, j] if costs[best] < np.inf else np.nan
+        costs[best] = np.inf
+
+
+@bare_kernel
+def _move_within(arm, span, target, moved):
+    """A target (12,) moved along the line from the shoulder to its wrist, to a distance within the span (2,) [m]."""
+    x, y, z = arm[ELBOW, LEVER], arm[ELBOW, LEVER + 1], arm[ELBOW, LEVER + 2]
+    square = 0.0
+    for i in range(3):
+        moved[i] = (
+            target[3 * i] * x + target[3 * i + 1] * y + target[3 * i + 2] * z + target[9 + i] - arm[ELBOW, CENTRE + i]
+        )
+        square += moved[i] * moved[i]
+    distance = np.sqrt(square)
+    share = min(max(distance, span[0]), span[1]) / distance - 1.0 if distance > 0.0 else 0.0
+    for i in range(3):
+        moved[9 + i] = target[9 + i] + share * moved[i]
+    for i in range(9):
+        moved[i] = target[i]
+
+
+@bare_kernel
+def _clipped_branches(arm, target, work, parts, candidates, misses):
+    """A configuration within the limits for each branch, into candidates (8, 7) [rad].
+
+    misses (8,) [rad]: how far its joints were beyond their limits, in all; infinite where there is none.
+    """
+    circles = work.circles[0]
+    cosine, sine = bend(arm, approach(arm, target, work.base))
+    for elbow in range(2):
+        sign = 1.0 - 2.0 * elbow
+        x, y = elbow_from_middle(arm, cosine, sine, sign)
+        q4 = arm[ELBOW, ELBOW_MIDDLE] + np.arctan2(y, x)
+        within = min(max(q4, arm[ELBOW, LOWER]), arm[ELBOW, UPPER])
+        swing(arm, work.base, cosine, sine, sign, circles)
+        for b in range(4 * elbow, 4 * elbow + 4):
+            candidates[b, 3], misses[b] = within, np.inf
+        c, s = 1.0, 0.0
+        for _ in range(SWIVELS):
+            _clip_parts(arm, circles, c, s, parts)
+            for b in range(4):
+                shoulder, wrist = parts[0, b // 2], parts[1, b % 2]
+                miss, row = abs(q4 - within) + shoulder[_MISS] + wrist[_MISS], candidates[4 * elbow + b]
+                if miss < misses[4 * elbow + b]:
+                    misses[4 * elbow + b] = miss
+                    row[0], row[1], row[2] = shoulder[FIRST], shoulder[MIDDLE], shoulder[LAST]
+                    row[4], row[5], row[6] = wrist[LAST], wrist[MIDDLE], wrist[FIRST]
+            c, s = c * _COS - s * _SIN, s * _COS + c * _SIN
+
+
+@bare_kernel
+def _clip_parts(arm, circles, c, s, parts):
+    """Shoulder and wrist on both branches at a swivel angle: parts (2, 2, 4), three clipped angles and their miss."""
+    for part in range(2):
+        joint = arm[SHOULDER + part]
+        z, p, r, p_last, r_last = values_at(circles, part, c, s)
+        square = discriminant(joint, FIRST, z, p, r)
+        for branch in range(2):
+            row, tau = parts[part, branch], 1.0 - 2.0 * branch
+            row[FIRST] = angle(joint, FIRST, z, p, r, square, tau)
+            row[MIDDLE] = angle(joint, MIDDLE, z, p, r, square, tau)
+            row[LAST] = angle(joint, LAST, z, p_last, r_last, square, tau)
+            row[_MISS] = 0.0
+            for k in range(3):
+                at = RANGES + RANGE * k
+                within = min(max(row[k], joint[at + JOINT_LOWER]), joint[at + JOINT_UPPER])
+                row[_MISS] += abs(row[k] - within)
+                row[k] = within

@@ -1,0 +1,66 @@
+"""Reach poses with an S-R-S arm in closed form: what goes before the search, and mostly makes it needless."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.search.levenberg_marquardt import (
+    ORIENTATION_TOLERANCE,
+    POSITION_TOLERANCE,
+    is_reached,
+    pose_cost,
+    squares,
+)
+from maira_qp.kernels.search.multi_start import (
+    ATTEMPT,
+    FINAL_COST,
+    LEFT,
+    MOVED,
+    ORIENTATION_ERROR,
+    POSITION_ERROR,
+    PROVED,
+    SPENT,
+    SUCCESS,
+)
+from maira_qp.kernels.srs.feasible_configuration import start
+from maira_qp.kernels.srs.swivel_intervals import make_work
+from maira_qp.kernels.srs.unreachability import POSSIBLE, verdict
+
+TURN = 2.0 * np.pi / 2.0**32
+
+
+@bare_kernel
+def reach_in_closed_form(
+    chain, settings, arm, targets, streams, shuffled, floats, integers, pieces, kinematics, q, outcome
+):
+    """Configurations q (N, 7) that reach `targets` (N, 12), and their outcomes (N, 7) as of `search`.
+
+    What has none is `PROVED` to be out of reach, or left open: then its outcome is no success, and its cost infinite.
+    The swivel angles are tried from the same one on, or, if `shuffled`, from one that `streams` (N,) tell. Memory:
+    floats and integers of `make_work`, pieces of `verdict`, kinematics (2 n + 6, 3).
+    """
+    work = make_work(floats, integers)
+    for k in range(len(targets)):
+        offset = TURN * np.float64(streams[k] >> np.uint64(32)) if shuffled else 0.0
+        outcome[k, SUCCESS], outcome[k, FINAL_COST], outcome[k, LEFT] = 0.0, np.inf, 0.0
+        if start(arm, targets[k], offset, work, q[k]):
+            confirm(chain, settings, targets[k], kinematics, q[k], outcome[k])
+        if outcome[k, SUCCESS] == 0.0:
+            position, orientation = settings[POSITION_TOLERANCE], settings[ORIENTATION_TOLERANCE]
+            if verdict(arm, targets[k], position, orientation, work, pieces) != POSSIBLE:
+                outcome[k, SUCCESS] = PROVED
+
+
+@bare_kernel
+def confirm(chain, settings, target, kinematics, q, outcome):
+    """Make the outcome (7,) a success if q (7,) reaches the target (12,), else leave it as it is."""
+    n = len(q)
+    axes, origins, rest = kinematics[:n], kinematics[n : 2 * n], kinematics[2 * n :].reshape(18)
+    tool, e = rest[:12], rest[12:]
+    cost = pose_cost(chain, settings, target, q, axes, origins, tool, e)
+    if is_reached(settings, e):
+        position, orientation = squares(e)
+        outcome[SUCCESS], outcome[ATTEMPT], outcome[SPENT], outcome[MOVED] = 1.0, 0.0, 0.0, 0.0
+        outcome[FINAL_COST] = cost
+        outcome[POSITION_ERROR], outcome[ORIENTATION_ERROR] = np.sqrt(position), np.sqrt(orientation)

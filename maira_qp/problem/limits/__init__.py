@@ -1,0 +1,1 @@
+"""Hard limits: of joints, of their acceleration, linear, and of distances between bodies."""

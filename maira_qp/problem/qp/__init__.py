@@ -1,0 +1,1 @@
+"""The quadratic programs that a problem makes, and who solves them."""

@@ -1,0 +1,1 @@
+"""What comes back: data, and the rule of the verdict."""

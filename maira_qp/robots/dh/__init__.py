@@ -1,0 +1,1 @@
+"""Robots from tables of Denavit-Hartenberg parameters."""

@@ -1,0 +1,1 @@
+"""The kinematic model: joints, limits, forward kinematics, configurations."""

@@ -1,0 +1,371 @@
+"""A robot: its Pinocchio model, the frame that is its tip, or those that are, and its limits."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import pinocchio as pin
+
+from maira_qp.arrays import real_array
+from maira_qp.display import Card, Shown, joint_entries
+from maira_qp.errors import ConfigurationError, OptionError, RobotError, shown
+from maira_qp.robots.dh.table import DHLink, DHTable
+from maira_qp.robots.model import catalog
+from maira_qp.robots.model.configuration import Configuration
+from maira_qp.robots.model.joint_limits import JointLimits, limited_table, limited_urdf
+from maira_qp.robots.model.kinematics import Kinematics
+from maira_qp.robots.urdf.reader import Chain, read_urdf
+from maira_qp.robots.urdf.writer import urdf_text
+
+
+class Robot(Shown):
+    """An arm from `base` to `tip`, or a tree to several tips, with n independent joints.
+
+    It does not change, and threads may share it.
+
+    Angles are in rad, lengths in m. `q` is a configuration (n,), in the order of `joint_names`.
+    """
+
+    model: pin.Model
+    """Pinocchio's model, nq == nv == n; a continuous joint is one angle without limits. Not to be written to."""
+    name: str
+    base: str
+    """Link that poses are relative to."""
+    tip: str
+    """Link whose pose is asked for unless another is named: the first of the tips."""
+    tips: tuple[str, ...]
+    """The links to which the joints lead, one or more, in the order in which they were given."""
+    is_chain: bool
+    """Every joint moves the tip, and none mimics another: what the compiled engine can take."""
+    n: int
+    """Number of independent joints."""
+    joint_names: tuple[str, ...]
+    frames: tuple[str, ...]
+    """Names of all links, the base first: what `frame` may be."""
+    moved_links: tuple[str, ...]
+    """The link directly behind each moving joint, mimic joints too, parents before children."""
+    slides: np.ndarray
+    """Which joints (n,) are prismatic, and so in m where others are in rad."""
+    lower: np.ndarray
+    """Lower limits (n,) [rad, or m], -inf for a continuous joint; read-only, as are the arrays that follow."""
+    upper: np.ndarray
+    """Upper limits (n,) [rad, or m], inf for a continuous joint."""
+    middle: np.ndarray
+    """Middle (n,) between the limits [rad, or m], 0 for a continuous joint."""
+    velocity_limit: np.ndarray
+    """Largest speeds (n,) [rad/s, or m/s], inf where there is no limit."""
+    effort_limit: np.ndarray
+    """Largest torques or forces (n,) [N m, or N], inf where there is no limit."""
+    acceleration_limit: np.ndarray
+    """Largest accelerations (n,) [rad/s^2, or m/s^2], inf where there is no limit."""
+    length: float
+    """Length of the arm stretched out [m], what errors of position are measured by: the distances between its joints
+    and to the tip, and prismatic ranges, each of which counts no more than all distances together.
+
+    Of several tips the one that is farthest."""
+    urdf: str
+    """The description as normalised URDF, see `Chain`."""
+    dh: DHTable | None
+    """The DH table that the robot was made from, if it was."""
+
+    def __init__(self, chain: Chain, dh: DHTable | None = None) -> None:
+        """From a chain as `read_urdf` makes it; use `from_dh` or `from_urdf`."""
+        self._chain = chain
+        self.model = _model(chain)
+        self.name, self.base, self.urdf = chain.name, chain.base, chain.urdf
+        self.tip, self.tips = chain.tip, chain.tips
+        self.joint_names, self.frames = chain.joint_names, chain.frames
+        self.n = len(chain.joint_names)
+        sliding = [joint.idx_q for joint in self.model.joints if joint.shortname().startswith("JointModelP")]
+        self.slides = np.isin(np.arange(self.n), sliding)
+        self.lower, self.upper = chain.lower, chain.upper
+        self.velocity_limit, self.effort_limit = chain.velocity, chain.effort
+        self.acceleration_limit = chain.acceleration
+        limits = self.lower, self.upper, self.velocity_limit, self.effort_limit, self.acceleration_limit
+        for array in (self.slides, *limits):
+            array.setflags(write=False)  # unpickled arrays have lost it
+        turns = np.isinf(self.lower)  # a continuous joint: one turn is all of it
+        # what random configurations are drawn from
+        self.drawn_range = np.where(turns, -np.pi, self.lower), np.where(turns, np.pi, self.upper)
+        self.middle = 0.5 * self.drawn_range[0] + 0.5 * self.drawn_range[1]
+        self.middle.setflags(write=False)
+        self.dh = dh
+        self.kinematics = Kinematics(self.model, self.frames, self.tip, self.name)
+        ends = [self.model.frames[self.frame_id(tip)] for tip in self.tips]
+        self.length = max(_length(self.model, end, self.drawn_range) for end in ends)
+        behind = len(self.model.supports[ends[0].parentJoint])  # the joints before the first tip, and the universe
+        self.is_chain = behind == self.model.njoints and not self.kinematics.has_mimic
+        bodies = [f for f in self.model.frames if f.type == pin.FrameType.BODY]
+        self.moved_links = tuple(
+            next(f.name for f in bodies if f.parentJoint == joint) for joint in range(1, self.model.njoints)
+        )
+
+    @classmethod
+    def from_dh(cls, links: DHTable | Iterable[DHLink | Mapping[str, Any]], name: str | None = None) -> Robot:
+        """From a DH table or its links; the base is `base_link`, the tip `tool0`. Raises `RobotError`."""
+        table = links if isinstance(links, DHTable) else DHTable(links)
+        if name is not None:
+            table = DHTable(table.links, name=name)
+        return cls(read_urdf(urdf_text(table)), dh=table)
+
+    @classmethod
+    def from_urdf(
+        cls,
+        source: str | os.PathLike[str],
+        tip: str | Sequence[str] | None = None,
+        base: str | None = None,
+        *,
+        limits: Mapping[str, tuple[float, float]] | None = None,
+    ) -> Robot:
+        """From a URDF file, or from URDF text; the tip None is the only leaf, the base None the root.
+
+        A list or tuple of tips makes a tree: the joints between the base and any of them move, and a trunk that they
+        share is there once. One tip may be on the way to another, or the way may go up to a common link and down
+        again, as from hand to hand: then the tree is turned round, and each joint on the way up has a link
+        `<joint>_origin` beside it, which is where it stands on its parent. Joints that are not between base and tip
+        are fixed at zero. Meshes are not opened.
+
+        Args:
+            source: path, or text that begins with `<`.
+            tip: link, or list of links.
+            base: link that poses are relative to.
+            limits: {joint name: (lower, upper)} [rad, or m] in place of those in the description, for joints that have
+                none, or wrong ones; a continuous joint that is given some is revolute.
+
+        What the joints that move do not need cannot refuse a description; it is logged. Raises `RobotError` for a
+        description that cannot be used, or a tip that no joint moves; `FrameError` for a tip or base that is not a
+        suitable link, and for tips that are repeated; `OptionError` for limits of no joint, or inverted ones.
+        """
+        return cls(read_urdf(source, tip=tip, base=base, limits=limits))
+
+    @classmethod
+    def maira(cls) -> Robot:
+        """MAIRA, a 7-axis arm with spherical shoulder and wrist."""
+        return cls.from_dh(catalog.maira())
+
+    @classmethod
+    def iiwa14(cls) -> Robot:
+        """KUKA LBR iiwa 14 R820, from its DH table."""
+        return cls.from_dh(catalog.iiwa14())
+
+    def limited(
+        self,
+        *,
+        lower: Any = None,
+        upper: Any = None,
+        velocity: Any = None,
+        acceleration: Any = None,
+        margin: Any = 0.0,
+    ) -> Robot:
+        """The same robot with tighter limits of position and speed, and accelerations of the caller's choice.
+
+        Each is None (as it is), a number for all joints, an array (n,), or a mapping {joint name: value}, in which the
+        joints that are not named keep theirs. Mimic joints follow the limits of their leaders. The description's own
+        limits are never loosened: a looser one is an error, not cut.
+
+        Args:
+            lower, upper: [rad, or m]; both make a revolute joint of a continuous one
+            velocity: > 0 [rad/s, or m/s]
+            acceleration: > 0 [rad/s^2, or m/s^2], inf for no limit
+            margin: >= 0 [rad, or m], taken off both ends of the positions that then hold; a continuous joint has none
+
+        Raises `OptionError` that names the joint for a limit that would be looser, lower > upper, a value out of range,
+        NaN, or one end without the other, and for a name that is not in `joint_names`.
+        """
+        return self._with(self._limits.limited(lower, upper, velocity, acceleration, margin))
+
+    def released(self, limits: Iterable[str]) -> Robot:
+        """The same robot without some limits of its joints, such as "joint4 upper": what could it reach without them?
+
+        They are moved away by a whole turn, those of a sliding joint by the arm's length. Raises `OptionError` for
+        what is not the limit of a joint.
+        """
+        return self._with(self._limits.released(limits, np.where(self.slides, self.length, 2 * np.pi)))
+
+    @property
+    def _limits(self) -> JointLimits:
+        return JointLimits(self.joint_names, self.lower, self.upper, self.velocity_limit, self.acceleration_limit)
+
+    def _with(self, limits: JointLimits) -> Robot:
+        """The same robot with other limits."""
+        if self.dh is not None:
+            return Robot.from_dh(limited_table(self.dh, limits))
+        return Robot.from_urdf(limited_urdf(self.urdf, limits), tip=self.tips, base=self.base)
+
+    def at(self, q: np.ndarray) -> Configuration:
+        """The robot at q (n,), a float64 array that is not checked: for loops that made it themselves."""
+        return Configuration(self.kinematics, q)
+
+    def forward(self, q: Any, frame: str | None = None) -> pin.SE3:
+        """Pose of a frame (None: the tip) in the base at q (n,). Raises `ConfigurationError`, `FrameError`."""
+        return self.at(self._checked(q)).placement(frame)
+
+    def jacobian(self, q: Any, frame: str | None = None) -> np.ndarray:
+        """Jacobian (6, n) of a frame (None: the tip) at q (n,), base axes: linear rows [m/rad] over angular [rad/rad].
+
+        Raises `ConfigurationError`, `FrameError`.
+        """
+        return self.at(self._checked(q)).jacobian(frame).copy()
+
+    def jacobians(self, q: np.ndarray) -> np.ndarray:
+        """Jacobians (N, 6, n) of the tip at configurations q (N, n), unchecked: `jacobian`, many at once."""
+        if not self.is_chain:
+            return np.array([self.at(each).jacobian(None).copy() for each in q]).reshape(-1, 6, self.n)
+        from maira_qp.kernels.kinematics.serial_chain import jacobians  # heavy: Numba comes with it
+        from maira_qp.robots.model.serial_chain import chain_of
+
+        J = np.empty((*q.shape, 6))
+        jacobians(chain_of(self), np.ascontiguousarray(q), J)
+        return J.swapaxes(1, 2)
+
+    def condition_number(self, q: Any, frame: str | None = None) -> float:
+        """Largest over smallest singular value of the Jacobian at q (n,); inf where it is singular to rounding.
+
+        Raises `ConfigurationError`, `FrameError`.
+        """
+        return float(condition_numbers(self.jacobian(q, frame)))
+
+    def manipulability(self, q: Any, frame: str | None = None) -> float:
+        """Product of the min(6, n) singular values of the Jacobian at q (n,): sqrt(det(J J^T)) where n >= 6.
+
+        Source: Yoshikawa, "Manipulability of robotic mechanisms", 1985. Raises `ConfigurationError`, `FrameError`.
+        """
+        return float(np.prod(np.linalg.svd(self.jacobian(q, frame), compute_uv=False)))
+
+    def random_configuration(self, rng: np.random.Generator) -> np.ndarray:
+        """A configuration (n,) uniform within the limits, a continuous joint in [-pi, pi]. Raises `OptionError`."""
+        if not isinstance(rng, np.random.Generator):
+            raise OptionError(f"rng must be a numpy.random.Generator, such as default_rng(0), got {shown(rng)}")
+        return drawn(rng, *self.drawn_range)
+
+    def clip(self, q: Any) -> np.ndarray:
+        """The configuration (n,) within the limits that is nearest to q (n,). Raises `ConfigurationError`."""
+        return np.clip(self._checked(q), self.lower, self.upper)
+
+    def frame_id(self, frame: str | None) -> int:
+        """Pinocchio's index of a frame (None: the tip). Raises `FrameError`."""
+        return self.kinematics.frame_id(frame)
+
+    def _checked(self, q: Any) -> np.ndarray:
+        return real_array(q, (self.n,), "q", ConfigurationError)
+
+    @property
+    def title(self) -> str:
+        """One line of what it is, such as "Robot('maira', n=7, base='base_link', tip='tool0')"."""
+        ends = f"tip={self.tip!r}" if len(self.tips) == 1 else f"tips={self.tips!r}"
+        return f"Robot({self.name!r}, n={self.n}, base={self.base!r}, {ends})"
+
+    def _card(self) -> Card:
+        units = ["m" if slides else "rad" for slides in self.slides]
+        ranges = [
+            f"{low:.3f} .. {high:.3f} {unit}" if np.isfinite(high - low) else "continuous"
+            for low, high, unit in zip(self.lower, self.upper, units, strict=True)
+        ]
+        speeds = [
+            f"{speed:.3g} {unit}/s" if np.isfinite(speed) else ""
+            for speed, unit in zip(self.velocity_limit, units, strict=True)
+        ]
+        return Card(
+            title=self.title,
+            facts=(("length", f"{self.length:.3g} m"),),
+            entries=joint_entries(self.joint_names, ranges),
+            headings=("joint", "range", "speed limit"),
+            rows=list(zip(self.joint_names, ranges, speeds, strict=True)),
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return self._chain == other._chain if isinstance(other, Robot) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._chain)
+
+    def __reduce__(self) -> tuple[type[Robot], tuple[Chain, DHTable | None]]:
+        return Robot, (self._chain, self.dh)
+
+
+def drawn(rng: np.random.Generator, lower: np.ndarray, upper: np.ndarray, *count: int) -> np.ndarray:
+    """Configurations (*count, n), uniform between lower and upper ends (n,)."""
+    share = rng.random((*count, len(lower)))
+    return np.clip((1 - share) * lower + share * upper, lower, upper)
+
+
+def condition_numbers(J: np.ndarray) -> np.ndarray:
+    """Largest over smallest singular value of Jacobians (..., 6, n); inf where one is singular to rounding."""
+    values = np.linalg.svd(J, compute_uv=False)
+    largest, smallest = values[..., 0], values[..., -1]
+    regular = smallest > max(J.shape[-2:]) * np.finfo(float).eps * largest
+    return np.divide(largest, smallest, out=np.full(largest.shape, np.inf), where=regular)
+
+
+def _model(chain: Chain) -> pin.Model:
+    """Pinocchio's model of a chain, without meshes. Raises `RobotError`."""
+    root = ElementTree.fromstring(chain.urdf)
+    names = [joint.attrib["name"] for joint in root.findall("joint")]
+    try:
+        model = pin.buildModelFromXML(_for_pinocchio(root), mimic=True)
+    except (ValueError, RuntimeError, IndexError) as reason:
+        raise RobotError(f"Pinocchio cannot use the description of {chain.name!r}: {reason}") from None
+    for index in range(1, model.njoints):
+        model.names[index] = names[int(model.names[index])]
+    for frame in model.frames:
+        if frame.type in (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT) and frame.name != "universe":
+            frame.name = names[int(frame.name)]
+    model.lowerPositionLimit, model.upperPositionLimit = chain.lower, chain.upper
+    model.velocityLimit, model.effortLimit = chain.velocity, chain.effort
+    return model
+
+
+def _length(model: pin.Model, tip: pin.Frame, limits: tuple[np.ndarray, np.ndarray]) -> float:
+    """`Robot.length` [m] to one tip; 1 where all of its joints and the tip are in one point."""
+    links, ranges, joint = float(np.linalg.norm(tip.placement.translation)), [], tip.parentJoint
+    while joint > 0:
+        index = model.joints[joint].idx_q
+        if "P" in model.joints[joint].shortname().removeprefix("JointModel")[:1]:
+            ranges.append(float(limits[1][index] - limits[0][index]))
+        if model.parents[joint] > 0:
+            links += float(np.linalg.norm(model.jointPlacements[joint].translation))
+        joint = model.parents[joint]
+    most = links if links > 1e-12 else 1.0
+    length = links + sum(min(each, most) for each in ranges)
+    return length if length > 1e-12 else 1.0
+
+
+def _for_pinocchio(root: Element) -> str:
+    """The normalised URDF as Pinocchio needs it.
+
+    Pinocchio makes a continuous joint a pair (cos, sin), so it becomes revolute here. It visits the joints under a link
+    in the order of their names, so they are named by their order. Shapes are left out, and so are masses that it could
+    not read.
+    """
+    for link in root.findall("link"):
+        for part in list(link):
+            if part.tag != "inertial" or not _is_readable(part):
+                link.remove(part)
+    ranks = {joint.attrib["name"]: f"{rank:06d}" for rank, joint in enumerate(root.findall("joint"))}
+    for joint in root.findall("joint"):
+        joint.set("name", ranks[joint.attrib["name"]])
+        for mimic in joint.findall("mimic"):
+            mimic.set("joint", ranks[mimic.attrib["joint"]])
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            for limit in joint.findall("limit"):
+                limit.attrib |= {"lower": "-1", "upper": "1"}  # any: the true ones are set on the model
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _is_readable(inertial: Element) -> bool:
+    """Whether a mass and an inertia tensor are there, and all of their numbers are finite."""
+    mass, inertia = inertial.find("mass"), inertial.find("inertia")
+    if mass is None or inertia is None or not {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"} <= set(inertia.attrib):
+        return False
+    try:
+        words = [word for part in inertial for text in part.attrib.values() for word in text.split()]
+        return "value" in mass.attrib and all(math.isfinite(float(word)) for word in words)
+    except ValueError:
+        return False

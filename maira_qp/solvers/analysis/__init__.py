@@ -1,0 +1,1 @@
+"""Why a pose is not reached, and how the answer moves with the target."""

@@ -1,0 +1,1 @@
+"""The compiled engine: a problem as arrays, and the kernels that answer it."""

@@ -1,0 +1,181 @@
+"""The arrays of a problem that the kernels work with, and which problems have them.
+
+One task of the tip of a serial chain with box limits, and, if there is a redundancy, one `Posture` or `LimitDistance`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from maira_qp.kernels.kinematics.serial_chain import LOWER, START_LOWER, START_UPPER, UPPER
+from maira_qp.kernels.search.levenberg_marquardt import (
+    LEAST_DAMPING,
+    MAX_ITERATIONS,
+    ORIENTATION_TOLERANCE,
+    POSITION_TOLERANCE,
+    STALL_RATIO,
+)
+from maira_qp.kernels.search.multi_start import FARTHEST_START
+from maira_qp.problem.levels import Priorities
+from maira_qp.problem.objectives import LimitDistance, Posture
+from maira_qp.problem.options import Options
+from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.tasks.frame import FrameTask
+from maira_qp.robots.model.revolutions import WholeTurns
+from maira_qp.robots.model.robot import Robot
+from maira_qp.robots.model.serial_chain import chain_of
+from maira_qp.solvers import neighbourhood
+from maira_qp.solvers.certificates import Proofs
+from maira_qp.solvers.compiled.seed_library import library_features, starting_library
+from maira_qp.solvers.reference import levenberg_marquardt as descent
+from maira_qp.solvers.reference import null_space_sqp as settling
+
+if TYPE_CHECKING:
+    from typing import Self  # not in Python 3.10
+
+EXACT = 1e-12
+"""Errors [m, rad] at which a descent that is to be exact ends."""
+
+LEAST_EXACT_DAMPING = 1e-14
+"""Its `LEAST_DAMPING`, at the edge of rounding: more would slow it down where singular values are as small."""
+
+# the entries of `ChainArrays.redundancy`, before 2 n more: the reference and the weights of the posture
+KIND, WEIGHT = 0, 1
+NONE, WEIGHTED, STRICT = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class ChainArrays:
+    """The arrays of one problem, see `maira_qp.kernels`: `chain`, `descent`, `starts`."""
+
+    robot: Robot
+    chain: np.ndarray
+    """(n + 1, 17)"""
+    settings: np.ndarray
+    """(16,) see `kernels.search.levenberg_marquardt`"""
+    library: np.ndarray
+    """(K, n)"""
+    features: np.ndarray
+    """(K / LANES, FEATURES, LANES)"""
+    candidates: int
+    """Random configurations of which a start is the best"""
+    last_attempt: int
+    redundancy: np.ndarray | None
+    """(2 + 2 n,) kind, weight, reference and weights of a posture; None: another wish"""
+    settling: np.ndarray
+    """(7,) see `kernels.refinement.stabilized_sqp_simd`"""
+    proofs: Proofs
+    turns: WholeTurns | None
+    """Counted to stay near the posture that is wished for, or the middle, where joints have a turn or more"""
+
+    @classmethod
+    def of(cls, priorities: Priorities, options: Options) -> Self | str:
+        """The problem's arrays, or the reason why the compiled engine cannot take it."""
+        robot, task = priorities.robot, priorities.first[0]
+        if len(priorities.first) > 1:
+            return "it has more than one task"
+        if not isinstance(task, FrameTask) or task.target is not None:
+            return "its task is none of PoseTask(), PositionTask() and OrientationTask() with a target from the call"
+        if not task.is_even:
+            return "the axes of its task count differently"
+        if task.frame != robot.tip:
+            return "its task is not the tip's"
+        if not robot.is_chain:
+            return "the robot is no single chain of independent joints"
+        weights = task.all_weights
+        settings = np.array(
+            [
+                weights[0],
+                weights[5],
+                options.position_tolerance,
+                options.orientation_tolerance,
+                options.max_iterations,
+                options.damping,
+                options.stall_steps,
+                options.stall_ratio,
+                descent.ACCEPTED,
+                descent.REFUSED,
+                *descent.FACTOR_RANGE,
+                descent.LEAST_DAMPING,
+                np.inf,
+                neighbourhood.NEAR,
+                neighbourhood.NEAR_BY_ERROR,
+            ]
+        )
+        constants = np.array(
+            [
+                options.max_settling,
+                options.stationarity_tolerance,
+                settling.FIRST_RADIUS,
+                settling.LEAST_RADIUS,
+                settling.RESTORING,
+                settling.RESTORED,
+                settling.RESOLUTION,
+            ]
+        )
+        turns, chain = priorities.turns, chain_of(robot)
+        chain[:-1, START_LOWER], chain[:-1, START_UPPER] = turns.window
+        library = starting_library(robot, *turns.window)
+        proofs = Proofs.of(priorities, options)
+        assert proofs is not None
+        return cls(
+            robot,
+            chain,
+            settings,
+            library,
+            library_features(robot, library, settings, priorities.posture),
+            options.start_candidates,
+            options.max_restarts,
+            None if priorities.below else _posture(robot, priorities.redundancy),
+            constants,
+            proofs,
+            turns if turns.everywhere.any() else None,
+        )
+
+    def takes(self, starts: np.ndarray | None) -> bool:
+        """Whether the kernels can begin there, at (n,) or (N, n): a continuous joint may have wound up too far."""
+        return starts is None or bool(np.abs(starts).max(initial=0.0) <= FARTHEST_START)
+
+    @property
+    def settles(self) -> bool:
+        """There is a redundancy, and the kernels know it."""
+        return self.redundancy is not None and self.redundancy[KIND] != NONE
+
+    def wish(self, q: np.ndarray) -> np.ndarray:
+        """What the redundancy's objective is (N,) at configurations q (N, n), where the kernels know it; else 0."""
+        if self.redundancy is None or not self.settles:
+            return np.zeros(len(q))
+        reference, weights = self.redundancy[2:].reshape(2, -1)
+        return 0.5 * np.square(q - reference) @ weights
+
+    def exact(self) -> Self:
+        """The same with descents that do not end before the last digits, even next to a singularity."""
+        settings = self.settings.copy()
+        settings[[POSITION_TOLERANCE, ORIENTATION_TOLERANCE]] = EXACT
+        settings[STALL_RATIO], settings[LEAST_DAMPING], settings[MAX_ITERATIONS] = 0.0, LEAST_EXACT_DAMPING, 1000
+        return replace(self, settings=settings)
+
+    def without_limits(self, joints: np.ndarray) -> Self:
+        """The same with some joints (n,) of bool set free."""
+        chain = self.chain.copy()
+        chain[:-1, LOWER][joints], chain[:-1, UPPER][joints] = -np.inf, np.inf
+        return replace(self, chain=chain)
+
+    def preferring(self, redundancy: Strict) -> Self:
+        """The same with another redundancy, made for the robot."""
+        return replace(self, redundancy=_posture(self.robot, redundancy))
+
+
+def _posture(robot: Robot, redundancy: Weighted | Strict | None) -> np.ndarray | None:
+    """What `ChainArrays.redundancy` holds of a redundancy that was made for the robot."""
+    kind, weight, posture = NONE, 0.0, Posture().of(robot)
+    if redundancy is not None:
+        objective = redundancy.objectives[0]
+        if len(redundancy.objectives) > 1 or not isinstance(objective, (Posture, LimitDistance)):
+            return None
+        kind, weight = (STRICT, 0.0) if isinstance(redundancy, Strict) else (WEIGHTED, redundancy.weight)
+        posture = objective if isinstance(objective, Posture) else objective.as_posture
+    return np.concatenate([[kind, weight], posture.q_ref, posture.weights])

@@ -1,0 +1,213 @@
+"""The compiled control tick: which problems it takes, and the arrays that it needs of them.
+
+It takes all tasks that are errors of frames or of joints (`task_arrays.py`), equalities too, at any levels of a robot
+without mimic joints, and objectives that are a posture: below the tasks, alone in their level, or weighted beside the
+tasks of the only one. The rest, such as limits as wishes, other objectives and classes of one's own, is for the general
+engine, `tick.py`, to which this is the same to rounding. Limits beside those of the joints it does not know: its answer
+counts where they do not bind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from maira_qp.arrays import is_native
+from maira_qp.kernels.control.level_models import OBJECTIVE_GAIN, REFERENCE, WEIGHT
+from maira_qp.kernels.control.step import tick
+from maira_qp.kernels.control.step_workspace import memory_sizes
+from maira_qp.kernels.spatial.pose_validation import FINE
+from maira_qp.orientation import ORTHONORMAL_WITHIN
+from maira_qp.problem.levels import FARTHEST, Priorities
+from maira_qp.problem.limits.joint import FEASIBILITY
+from maira_qp.problem.objectives import LimitDistance, Objective, Posture
+from maira_qp.problem.options import Options
+from maira_qp.problem.qp.costs import LevelObjective, TaskCost
+from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.tasks.objective import ObjectiveTask
+from maira_qp.problem.tasks.task import Task
+from maira_qp.results.solution import StepStatus
+from maira_qp.robots.model.arrays import KinematicTree
+from maira_qp.robots.model.robot import Robot
+from maira_qp.solvers.compiled.task_arrays import known, task_arrays
+from maira_qp.solvers.reference.step import HALVINGS, split_equalities
+from maira_qp.solvers.reference.step_models import LEAST_DAMPING
+
+Ticked = tuple[np.ndarray, np.ndarray, float, float, StepStatus]
+
+
+@dataclass(frozen=True)
+class CompiledTick:
+    """The arrays of one problem, see `maira_qp.kernels`: `tree`, `task_rows`, `levels`, `tick`."""
+
+    n: int
+    frames: tuple[str, ...]
+    """The frames that a call needs a target for"""
+    needs_velocity: bool
+    """Some acceleration is limited"""
+    tree: np.ndarray
+    """(n, 19)"""
+    parents: np.ndarray
+    """(n,)"""
+    tasks: np.ndarray
+    """(T, 60 + n)"""
+    places: np.ndarray
+    """(T, 7)"""
+    objectives: np.ndarray
+    """(L, 2 + 2 n)"""
+    numbers: np.ndarray
+    """(14,)"""
+    still: np.ndarray
+    """(n,) no velocity"""
+    sizes: tuple[int, int]
+    """How many numbers, and of int64, a tick works in"""
+
+    @staticmethod
+    def of(priorities: Priorities, options: Options) -> CompiledTick | None:
+        """The problem's arrays; None if the kernel cannot take it."""
+        robot, levels = priorities.robot, _levels(priorities)
+        if robot.kinematics.has_mimic or levels is None:
+            return None
+        tree = KinematicTree.of(robot)
+        each = [task_arrays(tree, priorities.frames, task, k) for k, level in enumerate(levels) for task in level.tasks]
+        rows = sum(count for _, _, count in each) + robot.n * (len(levels) - 1)
+        return CompiledTick(
+            n=robot.n,
+            frames=priorities.frames,
+            needs_velocity=bool(np.isfinite(robot.acceleration_limit).any()),
+            tree=tree.joints,
+            parents=tree.parents,
+            tasks=np.array([row for row, _, _ in each]),
+            places=np.array([place for _, place, _ in each], np.int64),
+            objectives=np.array([_objective_row(robot, level) for level in levels]),
+            numbers=np.array(
+                [
+                    options.damping,
+                    LEAST_DAMPING,
+                    HALVINGS,
+                    ORTHONORMAL_WITHIN,
+                    FARTHEST * robot.length,
+                    FEASIBILITY,
+                    np.isfinite(robot.acceleration_limit).any(),
+                    len(priorities.first),
+                    rows,
+                    options.level_position_tolerance,
+                    options.level_orientation_tolerance,
+                    options.position_tolerance,
+                    options.orientation_tolerance,
+                    options.stationarity_tolerance,
+                ]
+            ),
+            still=np.zeros(robot.n),
+            sizes=memory_sizes(robot.n, len(each), rows, len(levels)),
+        )
+
+    def tick(self, target: Any, q: Any, dt: float, velocity: Any) -> Ticked | None:
+        """q (n,), velocity (n,), errors [m] and [rad], and status after a tick of dt [s].
+
+        None for what is no target, configuration or velocity, or none that the kernel takes.
+        """
+        n, T = self.n, self._poses(target)
+        if velocity is None and not self.needs_velocity:
+            velocity = self.still
+        if T is None or not is_native(q, (n,)) or not is_native(velocity, (n,)):
+            return None
+        floats, integers = self.sizes
+        out = np.empty(2 * n + 3)
+        fault = tick(
+            self.tree,
+            self.parents,
+            self.tasks,
+            self.places,
+            self.objectives,
+            self.numbers,
+            dt,
+            T,
+            q,
+            velocity,
+            np.empty(floats),
+            np.empty(integers, np.int64),
+            out,
+        )
+        if fault != FINE:
+            return None
+        return out[:n], out[n:-3], float(out[-3]), float(out[-2]), StepStatus(int(out[-1]))
+
+    def _poses(self, target: Any) -> np.ndarray | None:
+        """The targets of a call below each other (4 K, 4), unchecked; None for what is none."""
+        frames = self.frames
+        if not isinstance(target, Mapping):
+            return _matrix(target) if len(frames) == 1 else np.empty((0, 4)) if target is None and not frames else None
+        if len(target) != len(frames):
+            return None
+        T = np.empty((4 * len(frames), 4))
+        for k, frame in enumerate(frames):
+            pose = _matrix(target.get(frame))
+            if pose is None:
+                return None
+            T[4 * k : 4 * k + 4] = pose
+        return T
+
+
+def _matrix(target: Any) -> np.ndarray | None:
+    """A pose (4, 4) as it is; None for what is none that the kernel takes."""
+    if isinstance(target, pin.SE3):
+        return np.ascontiguousarray(target.homogeneous)
+    return target if is_native(target, (4, 4)) else None
+
+
+@dataclass(frozen=True)
+class _Level:
+    """A level that the kernel takes: tasks, or an objective that is a posture, or, in the first, both."""
+
+    tasks: tuple[Task, ...] = ()
+    posture: Posture | None = None
+    weight: float = 1.0
+    gain: float = 1.0
+
+
+def _levels(priorities: Priorities) -> list[_Level] | None:
+    """The levels in falling priority, as in `tick.py`; None if there is one that the kernel does not know."""
+    redundancy = priorities.redundancy
+    weighted = (ObjectiveTask(redundancy.objective, redundancy.weight),) if isinstance(redundancy, Weighted) else ()
+    strict = redundancy.objectives if isinstance(redundancy, Strict) else ()
+    top, *soft = split_equalities(LevelObjective(TaskCost(priorities.first), weighted))
+    below = [part for level in priorities.below for part in split_equalities(level)]
+    levels = [_level(level) for level in (LevelObjective(top.tasks), *soft, *below)]
+    if weighted and not soft and levels[0] is not None:
+        posture = _posture(weighted[0].objective)
+        levels[0] = None if posture is None else replace(levels[0], posture=posture, weight=weighted[0].weight)
+    levels += [None if posture is None else _Level(posture=posture) for posture in map(_posture, strict)]
+    taken = [level for level in levels if level is not None]
+    return taken if len(taken) == len(levels) else None
+
+
+def _level(level: LevelObjective) -> _Level | None:
+    """A level of tasks alone, or of an objective alone."""
+    if not level.objectives:
+        return _Level(level.tasks.tasks) if known(level.tasks.tasks) else None
+    each, posture = level.objectives[0], _posture(level.objectives[0].objective)
+    if len(level.objectives) > 1 or level.tasks.tasks or posture is None:
+        return None
+    return _Level(posture=posture, weight=each.weight, gain=each.gain)
+
+
+def _posture(objective: Objective) -> Posture | None:
+    """The posture that an objective is, if it is one."""
+    if isinstance(objective, LimitDistance):
+        return objective.as_posture
+    return objective if isinstance(objective, Posture) else None
+
+
+def _objective_row(robot: Robot, level: _Level) -> np.ndarray:
+    """A level's row (2 + 2 n,) of `kernels.control.level_models`."""
+    row = np.zeros(REFERENCE + 2 * robot.n)
+    row[OBJECTIVE_GAIN] = level.gain
+    if level.posture is not None:
+        row[WEIGHT] = level.weight
+        row[REFERENCE:] = np.concatenate([level.posture.q_ref, level.posture.weights])
+    return row

@@ -1,0 +1,1 @@
+"""All solutions of a pose, and the nearest of them."""

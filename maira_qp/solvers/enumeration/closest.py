@@ -1,0 +1,36 @@
+"""What `prefer="closest"` asks for: among all solutions the one nearest to q0, in a metric of the joints.
+
+For one call the distance from q0 takes the place of the solver's redundancy, as its only objective.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from maira_qp.arrays import real_array
+from maira_qp.errors import ConfigurationError, OptionError, shown
+from maira_qp.problem.objectives import Posture
+from maira_qp.robots.model.robot import Robot
+
+
+def check_preference(prefer: object, q0: object, observe: object = None) -> None:
+    """Raises `OptionError` for a preference that is none, and for what it does not go with."""
+    if not isinstance(prefer, str) or prefer != "closest":
+        raise OptionError(f"prefer must be 'closest', or None and without a metric, got {shown(prefer)}")
+    if q0 is None:
+        raise OptionError("prefer='closest' needs q0: closest to what?")
+    if observe is not None:
+        raise OptionError("prefer='closest' cannot be observed; leave out prefer, or observe")
+
+
+def posture_at(q0: Any, metric: Any, robot: Robot) -> Posture:
+    """The posture whose cost is half the squared distance from q0 (n,) with joint weights metric (n,), None: 1.
+
+    Raises `ConfigurationError`, `OptionError`.
+    """
+    weights = np.ones(robot.n) if metric is None else real_array(metric, (robot.n,), "metric", OptionError)
+    if (weights < 0).any() or not weights.any():
+        raise OptionError(f"metric must be {robot.n} weights >= 0, not all of them 0, got {weights.tolist()}")
+    return Posture(real_array(q0, (robot.n,), "q0", ConfigurationError), weights)

@@ -1,0 +1,1 @@
+"""The reference engine: any problem, with Pinocchio and a QP solver."""

@@ -1,0 +1,252 @@
+"""The general engine of a solve: any tasks, any limits, any QP backend; and what the compiled engine leaves to it.
+
+A search over starts reaches the tasks (search.py, screening.py, descent.py), the redundancy is settled on the
+self-motion (settling.py), and the verdict is read off a fresh forward kinematics of the configuration that is returned.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from maira_qp.problem.levels import Priorities, Targets
+from maira_qp.problem.qp.costs import TaskCost, tasks_toward
+from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.targets import row_of, streams
+from maira_qp.results.solution import Solution, Status
+from maira_qp.robots.model.configuration import Configuration
+from maira_qp.solvers.limbs import search_limbs
+from maira_qp.solvers.neighbourhood import TURNINGS, is_closer, turned
+from maira_qp.solvers.reference.context import Setting
+from maira_qp.solvers.reference.levenberg_marquardt import Budget, Descent
+from maira_qp.solvers.reference.multi_start import (
+    Reached,
+    Search,
+    better_of,
+    follow,
+    found_by_kernel,
+    nearest,
+    stationarity,
+)
+from maira_qp.solvers.reference.null_space_sqp import settle
+
+if TYPE_CHECKING:
+    from maira_qp.solvers.certificates import Proofs
+    from maira_qp.solvers.compiled.engine import Compiled
+
+TOGETHER = 30
+"""Restarts of the search for a configuration that meets the tasks of all levels at once: then no level has to yield."""
+
+
+@dataclass(frozen=True)
+class General:
+    """What is asked, and who helps to find it."""
+
+    priorities: Priorities
+    setting: Setting
+    compiled: Compiled | None
+    """Searches in compiled code, where it can"""
+    screening: Compiled | None
+    """Knows all but the further limits, where that is what is missing"""
+
+    def solve(
+        self,
+        targets: Targets,
+        q0: np.ndarray | None,
+        seed: np.ndarray,
+        observe: Callable[[np.ndarray], object] | None = None,
+    ) -> Solution:
+        """Search, then settle and judge."""
+        budget = Budget(self.setting.options.deadline, observe)
+        cost, wish = self.priorities.costs(targets)
+        reached = self.reached(cost)
+        start = None if q0 is None else self.setting.admitted(q0)
+        rows = np.array([[row_of(pose) for pose in targets.values()]]).reshape(1, -1, 12)
+        stream = streams(rows, seed)
+        rng = lambda: np.random.default_rng(int(stream[0]))  # noqa: E731
+        found, sought = None, cost
+        if len(self.priorities.all_tasks) > len(self.priorities.first):
+            everything = tasks_toward(self.priorities.all_tasks, targets)
+            together = search_limbs(everything, start, self.setting, budget, rng, self.reached, TOGETHER)
+            if start is not None and together.left and together.best.reached:
+                found = self._met_nearby(cost, everything, wish, start, budget)
+            if found is None and together.best.reached:
+                found, sought = together, everything
+        if found is None and self.compiled is not None and observe is None and self.compiled.takes(start):
+            found = self.compiled.search(rows[0, 0], start, stream, bool(seed.any()), budget)
+        elif found is None and self.screening is not None and observe is None:
+            found = self._screened(cost, start, rows[0, 0], budget, rng(), reached)
+        elif found is None:
+            hopeless = lambda: self._is_hopeless(targets)  # noqa: E731
+            found = search_limbs(cost, start, self.setting, budget, rng, self.reached, is_hopeless=hopeless)
+        is_felt_below = sought is cost and bool(self.priorities.below)
+        if start is None and (self.priorities.posture is not None or not is_felt_below):
+            found = replace(found, best=self._unwound(found.best, sought))
+        return self._finish(found, cost, wish, reached, budget, targets, q0, start)
+
+    def _met_nearby(
+        self, cost: TaskCost, everything: TaskCost, wish: Weighted | Strict | None, start: np.ndarray, budget: Budget
+    ) -> Search | None:
+        """From a start to the first level and from there to those below it, if that meets the tasks of all levels."""
+        near = follow(cost, self.setting.robot.at(start), self.setting, budget, self.reached(cost))
+        if not near.reached or wish is None:
+            return None
+        settled = settle(wish, cost, near.end.at, self.setting, budget, self.reached(cost))
+        return Search(near.end, 0) if self.reached(everything)(settled.at) else None
+
+    def _screened(
+        self,
+        cost: TaskCost,
+        start: np.ndarray | None,
+        row: np.ndarray,
+        budget: Budget,
+        rng: np.random.Generator,
+        reached: Reached,
+    ) -> Search:
+        """Within further limits: from the start, where there is one, and then by screening."""
+        from maira_qp.solvers.constraint_screening import screen  # heavy: Numba comes with it
+
+        assert self.screening is not None
+        near = None
+        if start is not None:
+            near = follow(cost, self.setting.robot.at(start), self.setting, budget, reached)
+            if near.reached or budget.late():
+                return Search(near.end, 0, False, near.left, near.steady)
+        found = screen(self.screening, row, cost, self.setting, budget, rng, reached, start)
+        return found if near is None else better_of(near, found, cost, self.setting, budget, reached)
+
+    def _unwound(self, best: Descent, sought: TaskCost) -> Descent:
+        """The same with each joint at the whole turn nearest to the posture, or to the middle, if it reaches what was
+        sought there."""
+        turns = self.priorities.turns
+        if not turns.everywhere.any():
+            return best
+        at = self.setting.robot.at(turns.within(best.at.q[None])[0])
+        is_there = best.reached and self.reached(sought)(at) and not self.setting.broken(at)
+        return Descent(at, sought.value(at), True) if is_there else best
+
+    def finish(self, q: np.ndarray, outcome: list[float], targets: Targets, q0: np.ndarray | None = None) -> Solution:
+        """From what the compiled search from q0 left in q (n,) and outcome (9,)."""
+        cost, wish = self.priorities.costs(targets)
+        found = found_by_kernel(self.setting.robot, q, outcome)
+        budget = Budget(None, iterations=int(outcome[2]))
+        start = None if q0 is None else self.setting.robot.clip(q0)
+        return self._finish(found, cost, wish, self.reached(cost), budget, targets, q0, start)
+
+    @cached_property
+    def _proofs(self) -> Proofs | None:
+        from maira_qp.solvers.certificates import Proofs  # heavy: Numba comes with it
+
+        return Proofs.of(self.priorities, self.setting.options) if self.compiled is None else self.compiled.proofs
+
+    def _is_hopeless(self, targets: Targets) -> bool:
+        """It is proved that the targets cannot be reached."""
+        return self._proofs is not None and self._proofs.proof(targets) is not None
+
+    def reached(self, cost: TaskCost) -> Reached:
+        """Whether a configuration counts as there: the tasks within their tolerances, and further limits kept."""
+        options = self.setting.options
+
+        def reached(at: Configuration) -> bool:
+            position, orientation = residual(cost, at)
+            near = position <= options.position_tolerance and orientation <= options.orientation_tolerance
+            return near and not self.setting.broken(at)
+
+        return reached
+
+    def _refined(
+        self, best: Descent, cost: TaskCost, wish: Weighted | Strict | None, reached: Reached, budget: Budget
+    ) -> tuple[Configuration, float]:
+        """The redundancy's optimum or the nearest point, from the best of a search, and its projected gradient."""
+        if best.broken:  # nothing was minimised but what is broken
+            return best.at, math.nan
+        if not best.reached:
+            at = nearest(cost, best, self.setting, budget).at
+            return at, stationarity(cost, at, self.setting)
+        if wish is None:
+            return best.at, math.nan
+        settled = settle(wish, cost, best.at, self.setting, budget, reached)
+        return settled.at, settled.projected_gradient
+
+    def _refined_at_turns(
+        self,
+        best: Descent,
+        cost: TaskCost,
+        wish: Weighted | Strict | None,
+        reached: Reached,
+        budget: Budget,
+        start: np.ndarray | None,
+    ) -> tuple[Configuration, float]:
+        """The same with joints at the whole turns nearest to a start (n,), or without to the posture wished for."""
+        near = self.priorities.turns.aim if start is None else start
+        costs = [cost.value, *(objective.cost for objective in (() if wish is None else wish.objectives))]
+        at, gradient = self._refined(best, cost, wish, reached, budget)
+        for _ in range(TURNINGS):
+            nearer = turned(at, near, self.setting, costs)
+            if nearer is at:
+                break
+            best = replace(best, at=nearer, cost=cost.value(nearer))  # limits that held joints up may be a turn away
+            at, gradient = self._refined(best, cost, wish, reached, budget)
+        return at, gradient
+
+    def _finish(
+        self,
+        found: Search,
+        cost: TaskCost,
+        wish: Weighted | Strict | None,
+        reached: Reached,
+        budget: Budget,
+        targets: Targets,
+        q0: np.ndarray | None,
+        start: np.ndarray | None,
+    ) -> Solution:
+        """From what the search found: the redundancy's optimum or the nearest point, and the verdict.
+
+        `start` (n,) is q0 (n,) within the limits.
+        """
+        setting, tolerance = self.setting, self.setting.options.stationarity_tolerance
+        at, gradient = self._refined_at_turns(found.best, cost, wish, reached, budget, start)
+        near = found.near if isinstance(wish, Weighted) else None
+        if near is not None and not is_closer(cost.value(at), near.cost, cost, setting.options):
+            found = replace(found, best=near, left=False)  # what it was left for is no better once traded off
+            at, gradient = self._refined_at_turns(near, cost, wish, reached, budget, start)
+        fresh = self.setting.robot.at(self.setting.robot.clip(at.q))
+        success = reached(fresh)
+        position, orientation = residual(cost, fresh)
+        optimal = gradient <= tolerance or (success and wish is None)
+        stalled = Status.UNREACHABLE if found.proved else Status.NEAREST if optimal else Status.BUDGET_SPENT
+        stalled = Status.LIMITS_BROKEN if setting.broken(fresh) else stalled
+        return Solution(
+            q=fresh.q.copy(),
+            success=success,
+            status=Status.CONVERGED if success else stalled,
+            position_error=position,
+            orientation_error=orientation,
+            iterations=budget.iterations,
+            restarts=found.restarts,
+            cost=_objective_cost(wish, fresh),
+            projected_gradient=gradient,
+            optimal=optimal,
+            start_projected=start is not None and bool((start != q0).any()),
+            target_deviation=0.0,
+            left_q0=found.left,
+            backend=self.setting.backend.name if self.compiled is None else "compiled",
+            _start=None if q0 is None else q0.copy(),
+            _setting=self.setting,
+            _asked=(self.priorities, targets),
+        )
+
+
+def _objective_cost(wish: Weighted | Strict | None, at: Configuration) -> float:
+    return math.nan if wish is None else wish.objectives[0].cost(at)
+
+
+def residual(cost: TaskCost, at: Configuration) -> tuple[float, float]:
+    """The largest position error [m] and orientation error [rad] of all tasks."""
+    residuals = [task.residual(at) for task in cost.tasks]
+    return max(r[0] for r in residuals), max(r[1] for r in residuals)

@@ -1,0 +1,398 @@
+"""One control tick: the hierarchy's QPs at the configuration of now, with limits on position, speed and acceleration.
+
+The levels are quadratic models of the true costs, those of `solvers.reference.step_models`. What each level adds is
+shortened until it is safe: until
+
+- the level's own merit falls enough (Armijo's condition), `f(q) - lambda^T (r_above(q) - r_above)`: its true cost f
+  with what it will lose, to first order, once the levels above have made good what the motion costs them (the
+  Lagrangian, so that two levels in conflict come to rest);
+- no task of a level above is farther from its target than without the levels below it, but for
+  `Options.level_position_tolerance` and `Options.level_orientation_tolerance`;
+- no limit is broken that the QP knows to first order only, there or while the arm brakes from there.
+
+What cannot be made safe is left out.
+
+Limits with rows that are broken at the beginning are undone first, by a level above the others; a joint outside its own
+limits comes back because its box says so. With limits on the acceleration a joint that runs at full speed passes its
+goal, however well it can brake. So the tick first looks where the levels would go if there were no time, and then goes
+that way only so fast that every joint could still stop where it ends.
+
+Where limits keep the first level from its motion it does what is nearest by least squares, which may be in another
+direction. To keep the direction instead, the first level becomes two: nothing across the motion that the tasks ask
+for, and below that as much along it as the limits allow, up to all of it: `W J dq = s W e`, s in [0, 1] as large as
+possible.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from maira_qp.problem.limits.joint import Bounds, Tick, braking_displacement
+from maira_qp.problem.options import Options
+from maira_qp.problem.qp.costs import LevelObjective, TaskCost
+from maira_qp.problem.qp.hierarchy import Level, solve_each_level
+from maira_qp.problem.qp.qp import QP
+from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.tasks.limit import LimitTask
+from maira_qp.problem.tasks.objective import ObjectiveTask
+from maira_qp.problem.tasks.task import Task
+from maira_qp.results.solution import StepStatus
+from maira_qp.robots.model.configuration import Configuration
+from maira_qp.robots.model.robot import Robot
+from maira_qp.solvers.reference.context import Setting
+from maira_qp.solvers.reference.step_models import LEAST_DAMPING, Reach, TickModel, is_near, tick_models
+
+HALVINGS = 12
+
+ARMIJO = 0.05
+"""Share of what the model's slope promises that the merit must fall."""
+
+ROUNDING = 1e-14
+"""What a merit may rise for rounding, relative to one more than the cost."""
+
+CORRECTIONS = 2
+"""Times that bent limits are linearised anew to correct a step."""
+
+GLANCES = 8
+"""Configurations on the way to a stop at which bent limits are looked at."""
+
+SAME = 1e-10
+"""Growth of a violation that counts as none, since distances are known to some rounding [m]."""
+
+FAINT = 1e-6
+"""What a displacement counts against the limits that it brings the arm back into."""
+
+AT_REST = 1e-6
+"""A joint stands if its speed is at most this share of its limit, or of 1 rad/s or 1 m/s where it has none."""
+
+
+@dataclass(frozen=True)
+class _Model:
+    """A level: its true cost, its tasks, and the quadratic model of it that the hierarchy solves."""
+
+    value: Callable[[Configuration], float]
+    tasks: tuple[Task, ...]
+    model: TickModel
+    replaced: tuple[_Model, ...] = ()
+    """The levels whose rows it stands for, if it has none of its own"""
+    to_first_order: bool = False
+    """The levels below keep its rows, and what these do not tell may be lost"""
+
+    @property
+    def level(self) -> Level:
+        """The quadratic model."""
+        return self.model.level
+
+    def bent_by(self, C: np.ndarray) -> _Model:
+        """The same with a curvature C (n, n) added to the quadratic model."""
+        level = replace(self.level, H=self.level.H + C)
+        return replace(self, model=replace(self.model, level=level))
+
+    def errors(self, at: Configuration) -> np.ndarray:
+        """Weighted errors (m,) of the rows of the level, zero for the directions in which it bends."""
+        if self.replaced:
+            return np.concatenate([model.errors(at) for model in self.replaced])
+        errors = [task.weighted_error(at) for task in self.tasks if not task.is_wish]
+        return np.concatenate([*errors, np.zeros(self.model.bent)])
+
+    def shares(self, at: Configuration, options: Options) -> np.ndarray:
+        """What is left of the tasks' errors, or of the cost if there is none, by what the levels below may add."""
+        position, orientation = options.level_position_tolerance, options.level_orientation_tolerance
+        if self.to_first_order:
+            return np.empty(0)
+        if not self.tasks:
+            return np.array([self.value(at) / (0.5 * orientation**2)])
+        return np.array([task.residual(at) for task in self.tasks]).ravel() / np.tile(
+            [position, orientation], len(self.tasks)
+        )
+
+
+def tick(
+    cost: TaskCost,
+    redundancy: Weighted | Strict | None,
+    at: Configuration,
+    setting: Setting,
+    now: Tick,
+    deadline: float | None = None,
+    keep_direction: bool = False,
+) -> tuple[np.ndarray, np.ndarray, StepStatus]:
+    """Configuration (n,) after a tick, the velocity (n,) that leads to it, and what the arm is doing.
+
+    From inside the position limits the next configuration is inside them to the bit, and the velocity within the
+    velocity limits to the bit always. A backend that fails leaves the arm where it is, as far as the limits allow; a
+    `deadline` [s] that passes leaves out the levels that are not solved by then. `keep_direction` scales the motion of
+    the first level to what the limits allow.
+    """
+    end = None if deadline is None else time.monotonic() + deadline
+    robot, bounds = setting.robot, setting.bounds(at, now)
+    models = _models(cost, redundancy, at, setting, now, bounds)
+    if keep_direction:
+        first = LevelObjective(cost, _weighted(redundancy))
+        count = len(split_equalities(first))
+        models = [*_directed(first, models[:count], at, now), *models[count:]]
+    models = [*_back_inside(at, setting, bounds), *_bent_along_wishes(models, cost, at, setting)]
+    levels = [model.level for model in models]
+    if np.isfinite(robot.acceleration_limit).any():
+        levels = _slowed(levels, at, setting, now)
+    displacements = solve_each_level(levels, bounds, setting.backend, end)
+    dq = np.clip(_safe(models, at, displacements, setting, bounds, now), bounds.lower, bounds.upper)
+    inside = (at.q >= robot.lower) & (at.q <= robot.upper)
+    q = np.where(inside, np.clip(at.q + dq, robot.lower, robot.upper), at.q + dq)
+    velocity = np.clip(dq / now.dt, -robot.velocity_limit, robot.velocity_limit)
+    wanted = displacements[-1] if displacements else np.full(at.n, np.inf)
+    gradient = max((model.model.gradient for model in models if model.tasks), default=0.0)
+    tasks = [task for model in models for task in model.tasks]
+    status = _status(tasks, robot.at(q), velocity, wanted / now.dt, gradient, setting)
+    return q, velocity, status
+
+
+def _status(
+    tasks: Sequence[Task],
+    at: Configuration,
+    velocity: np.ndarray,
+    wanted: np.ndarray,
+    gradient: float,
+    setting: Setting,
+) -> StepStatus:
+    """What the arm is doing; `wanted` (n,) is the velocity that the QPs ask for, gradient the tasks' free one."""
+    options, residuals = setting.options, [task.residual(at) for task in tasks]
+    if all(p <= options.position_tolerance and o <= options.orientation_tolerance for p, o in residuals):
+        return StepStatus.ARRIVED
+    slow = resting_speed(setting.robot)
+    if (np.abs(velocity) > slow).any():
+        return StepStatus.MOVING
+    if (np.abs(wanted) > slow).any():
+        return StepStatus.STUCK
+    return StepStatus.NEAREST if gradient <= options.stationarity_tolerance else StepStatus.MOVING
+
+
+def resting_speed(robot: Robot) -> np.ndarray:
+    """The speeds (n,) [rad/s or m/s] up to which joints count as at rest."""
+    return AT_REST * np.where(np.isfinite(robot.velocity_limit), robot.velocity_limit, 1.0)
+
+
+def keeps_further_limits(
+    setting: Setting, q: np.ndarray, ahead: np.ndarray, dt: float, velocity: np.ndarray | None
+) -> bool:
+    """Whether a tick from q to ahead (n,), found without the limits beside those of the joints, keeps these as well.
+
+    Then it is the tick with them, too: what is best among more is best among fewer, and limits that are not near hold
+    nothing.
+    """
+    if not setting.further:
+        return True
+    at, dq, step = setting.robot.at(q), ahead - q, setting.robot.velocity_limit * dt
+    now = Tick(dt, np.zeros_like(q) if velocity is None else velocity)
+    for limit in setting.further:
+        box, rows = limit.box(at, now), limit.rows(at, now)
+        if box is not None and not ((box[0] <= dq).all() and (dq <= box[1]).all()):
+            return False
+        if rows is not None and (is_near(rows, step).any() or not (rows[0] @ dq <= rows[1]).all()):
+            return False
+    return not setting.is_bent or any(
+        not broken.any() for broken in _violations_ahead(setting.robot.at(ahead), dq, setting, now)
+    )
+
+
+def _back_inside(at: Configuration, setting: Setting, bounds: Bounds) -> list[_Model]:
+    """A level above all others that undoes what is broken of the limits with rows, if anything is."""
+    if bounds.broken is None:
+        return []
+    still = Level(FAINT * np.eye(at.n), np.zeros(at.n), np.empty((0, at.n)), wishes=bounds.broken)
+    return [_Model(setting.breach, (), TickModel(still, np.empty(0), 0, 0.0))]
+
+
+def _models(
+    cost: TaskCost,
+    redundancy: Weighted | Strict | None,
+    at: Configuration,
+    setting: Setting,
+    now: Tick,
+    bounds: Bounds,
+) -> list[_Model]:
+    """The levels in falling priority."""
+    levels = levels_of(cost, redundancy)
+    reach = Reach.of(bounds, setting.bounds(at), setting.robot.velocity_limit * now.dt)
+    models = tick_models([each.without_wishes() for each in levels], at, reach, setting.options.damping)
+    wished = [
+        replace(model.level, wishes=each.tasks.wishes(at, now)) for each, model in zip(levels, models, strict=True)
+    ]
+    parts = zip(levels, models, wished, strict=True)
+    return [_Model(each.cost, each.tasks.tasks, replace(model, level=level)) for each, model, level in parts]
+
+
+def levels_of(cost: TaskCost, redundancy: Weighted | Strict | None) -> list[LevelObjective]:
+    """The levels in falling priority, equalities before the other tasks of theirs."""
+    objectives = redundancy.objectives if isinstance(redundancy, Strict) else ()
+    levels = [LevelObjective(cost, _weighted(redundancy))]
+    for each in objectives:
+        alone = LevelObjective(TaskCost(()), (ObjectiveTask(each),))
+        levels.append(each if isinstance(each, LevelObjective) else alone)
+    return [part for level in levels for part in split_equalities(level)]
+
+
+def _bent_along_wishes(models: list[_Model], cost: TaskCost, at: Configuration, setting: Setting) -> list[_Model]:
+    """The models, with the curvature of limits that are wishes of the first level where these hold up a lower one."""
+    limits = tuple(task.limit for task in cost.tasks if isinstance(task, LimitTask))
+    if not limits:
+        return models
+    wished = replace(setting, further=limits)
+    return [models[0], *(model.bent_by(wished.curvature(at, model.level.c)) for model in models[1:])]
+
+
+def _weighted(redundancy: Weighted | Strict | None) -> tuple[ObjectiveTask, ...]:
+    """The objective beside the tasks of the first level, if there is one."""
+    return (ObjectiveTask(redundancy.objective, redundancy.weight),) if isinstance(redundancy, Weighted) else ()
+
+
+def _directed(first: LevelObjective, models: Sequence[_Model], at: Configuration, now: Tick) -> list[_Model]:
+    """The first level as two: nothing across the motion that its tasks ask for, and below that what is along it.
+
+    Their rows A (m, n) and errors r (m,), each times its gain, give the direction `u = r / |r|`: the upper level keeps
+    `(I - u u^T) A dq` at zero, the lower one brings `u^T A dq` to |r|. No motion is across none, so only what is forced
+    upon the joints (to brake, to come back within limits) can leave the direction.
+    """
+    tasks = first.tasks.without_wishes().tasks
+    rows = [(A, task.gain * r) for task in tasks for A, r in (task.rows(at),)] or [(np.empty((0, at.n)), np.empty(0))]
+    A, r = np.vstack([A for A, _ in rows]), np.concatenate([r for _, r in rows])
+    size = float(np.linalg.norm(r))
+    u = r / size if size > 0 else np.zeros_like(r)
+    along = u @ A
+    across = A - np.outer(u, along)
+    mu = LEAST_DAMPING * float(np.abs(A.T @ A).max(initial=1e-3))
+    H, c = np.outer(along, along), -size * along
+    for each in first.objectives:
+        H = H + each.weight * each.objective.hessian(at)
+        c = c + each.weight * each.objective.gradient(at)
+    upper = Level(across.T @ across, np.zeros(at.n), across).damped(mu)
+    lower = Level(H, c, along[None], wishes=first.tasks.wishes(at, now)).damped(mu)
+    gradient, nothing = max(model.model.gradient for model in models), np.empty(0)
+    below = _Model(first.cost, first.tasks.tasks, TickModel(lower, nothing, 0, gradient), tuple(models))
+
+    def left_across(there: Configuration) -> float:
+        return 0.5 * float((there.q - at.q) @ upper.H @ (there.q - at.q))
+
+    return [_Model(left_across, (), TickModel(upper, nothing, 0, 0.0), to_first_order=True), below]
+
+
+def _slowed(levels: list[Level], at: Configuration, setting: Setting, now: Tick) -> list[Level]:
+    """The levels with their pull reduced until every joint can stop where they end."""
+    ends = solve_each_level(levels, setting.bounds(at), setting.backend)
+    if not ends:
+        return levels
+    way = np.abs(ends[-1])
+    change = setting.robot.acceleration_limit * now.dt**2
+    share = np.min(braking_displacement(way, change)[way > 0] / way[way > 0], initial=1.0)
+    return [replace(level, c=share * level.c) for level in levels]
+
+
+def _safe(
+    models: Sequence[_Model],
+    at: Configuration,
+    displacements: Sequence[np.ndarray],
+    setting: Setting,
+    bounds: Bounds,
+    now: Tick,
+) -> np.ndarray:
+    """The displacement (n,) with each level's part shortened until the true costs and the bent limits allow it."""
+    dq, solved, kept = bounds.rest, bounds.rest, np.empty(0)
+    there = at.moved(dq) if dq.any() else at
+    broken = None
+    if setting.is_bent:
+        broken = np.maximum(setting.violations(at), min(_violations_ahead(there, dq, setting, now), key=np.sum))
+    for k, displacement in enumerate(displacements):
+        model, above, part = models[k], models[:k], displacement - solved
+        before, errors, share = model.value(there), _errors(above, there), 1.0
+        most = before + ROUNDING * (1 + abs(before))
+        slope = ARMIJO * min(float((model.level.c + model.level.H @ solved) @ part), 0.0)
+        solved = displacement
+        for _ in range(HALVINGS):
+            step, shrink = dq + share * part, 0.5
+            if broken is not None:
+                step = _brought_back(at, step, broken, setting, bounds, now)
+            if step is not None and bounds.contain(step):
+                trial = at.moved(step)
+                loss = float((_shares(above, trial, setting.options) - kept).max(initial=0.0))
+                merit = model.value(trial) - model.model.multipliers @ (_errors(above, trial) - errors)
+                if loss <= 1.0 and merit <= most + share * slope:
+                    dq, there = step, trial
+                    break
+                if loss > 1.0:  # of second order
+                    shrink = max(0.1, min(0.9 / math.sqrt(loss), 0.8))
+            share *= shrink
+        kept = np.concatenate([kept, model.shares(there, setting.options)])
+    return dq
+
+
+def _errors(models: Sequence[_Model], at: Configuration) -> np.ndarray:
+    """Weighted errors (m,) of all rows of some levels."""
+    return np.concatenate([np.empty(0), *(model.errors(at) for model in models)])
+
+
+def _shares(models: Sequence[_Model], at: Configuration, options: Options) -> np.ndarray:
+    """The errors of some levels by what the levels below may add to them."""
+    return np.concatenate([np.empty(0), *(model.shares(at, options) for model in models)])
+
+
+def _brought_back(
+    at: Configuration, dq: np.ndarray, allowed: np.ndarray, setting: Setting, bounds: Bounds, now: Tick
+) -> np.ndarray | None:
+    """The displacement dq (n,) with what corrects the second order by which it breaks bent limits more than `allowed`.
+
+    That is the least further displacement that keeps them as they are linearised where dq leads to (second-order
+    correction: Nocedal and Wright, section 18.3). None where it takes too long, or where they are broken while the arm
+    brakes from there.
+    """
+    most = np.where(allowed > 0, allowed + SAME, 0.0)
+    for _ in range(CORRECTIONS + 1):
+        there = at.moved(dq)
+        if (setting.violations(there) <= most).all():
+            ways = _violations_ahead(there, dq, setting, now)
+            return dq if any((broken <= most).all() for broken in ways) else None
+        G, h = setting.rows_within(there, allowed)
+        G, h = np.vstack([G, bounds.G]), np.concatenate([h - SAME, np.maximum(bounds.h - bounds.G @ dq, 0.0)])
+        lower, upper = np.minimum(bounds.lower - dq, 0.0), np.maximum(bounds.upper - dq, 0.0)
+        back = setting.backend.solve(QP(np.eye(at.n), np.zeros(at.n), lower, upper, G, h))
+        if not back.found:
+            return None
+        dq = np.clip(dq + back.x, bounds.lower, bounds.upper)
+    return None
+
+
+def _violations_ahead(at: Configuration, dq: np.ndarray, setting: Setting, now: Tick) -> Iterator[np.ndarray]:
+    """By how much each part (k,) of the bent limits is broken where dq (n,) led to, and while the arm then brakes.
+
+    First if each joint brakes as hard as it can, then if all slow down together, in a straight line of joint space: a
+    pair of bodies that one joint drives together and another apart does not come nearer if both slow down alike. So a
+    tick that is allowed leaves a way to stop that is allowed, and one of these is always there to be chosen next.
+    """
+    change, size = setting.robot.acceleration_limit * now.dt**2, np.abs(dq)
+    stop = size / change  # in ticks
+    ticks, whole = int(np.max(stop, initial=0.0)), np.floor(stop)
+    here = setting.violations(at)
+    if ticks == 0:
+        yield here
+        return
+    glances = np.unique(np.linspace(0, ticks, GLANCES + 1).astype(int).clip(min=1))
+    change = np.where(whole > 0, change, 0.0)
+    braking = [np.minimum(i, whole) for i in glances]
+    apart = [np.sign(dq) * np.where(k > 0, k * (size - 0.5 * change * (k + 1)), 0.0) for k in braking]
+    yield np.max([here, *(setting.violations(at.moved(way)) for way in apart)], axis=0)
+    together = [dq * (i - i * (i + 1) / (2 * np.max(stop))) for i in glances]
+    q = at.q + together[-1]
+    if (setting.robot.lower <= q).all() and (q <= setting.robot.upper).all():
+        yield np.max([here, *(setting.violations(at.moved(way)) for way in together)], axis=0)
+
+
+def split_equalities(level: LevelObjective) -> tuple[LevelObjective, ...]:
+    """The level, or, if some of its tasks are equalities, these, and below them the others with its objectives."""
+    equalities = tuple(task for task in level.tasks.tasks if task.equality)
+    others = tuple(task for task in level.tasks.tasks if not task.equality)
+    if not equalities or not (others or level.objectives):
+        return (level,)
+    return LevelObjective(TaskCost(equalities)), LevelObjective(TaskCost(others), level.objectives)

@@ -1,0 +1,250 @@
+"""The quadratic models of the levels of a control tick.
+
+With A (m, n) the weighted rows of a level's tasks, r their weighted error, K the rows of what goes before it (the
+levels above, and the limits that it is pressed against), and the joints left out that a limit holds, r splits into what
+steps in the null space of K can take away and what they leave:
+
+    r' = F^4 r,   F r = nu y,   [ K K^T + eps I      K A^T       ] [x]   [0]
+                                [    A K^T       A A^T + nu I    ] [y] = [r]
+
+F is the identity for what A cannot reach and vanishes for what it can; the change comes where singular values pass
+sqrt(nu), the share `SINGULAR` of the size of A, and its fourth power makes it sharp. Only what is left bends a model:
+
+    H = A^T A - sum_k r'_k d2 e_k / dq2 + sum_k lambda'_k dK_k / dq,   K^T lambda' = A^T r'
+    c = -A^T r (each task's part times its gain)
+
+(e the weighted error.) Where the targets can be reached this is Gauss-Newton's model: the tool takes its share of the
+error along a straight line, and a self-motion is not set adrift by the curvature of errors that are about to vanish.
+Where they cannot, r' is r at rest and the model is Newton's, with the Hessian of the level's Lagrangian (Nocedal and
+Wright, "Numerical Optimization", 2006, section 18.1): the arm comes to rest. The Levenberg-Marquardt damping is by r'
+too, and vanishes with the gradient (as proposed by Fan and Yuan, "On the quadratic convergence of the
+Levenberg-Marquardt method without nonsingularity assumption", 2005).
+
+The levels below must leave a level's rows as they are. Where it bends, its rows do not feel every displacement that
+would cost it: those directions in the null space of its rows in which its Hessian has curvature are rows as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from maira_qp.problem.limits.joint import Bounds
+from maira_qp.problem.qp.costs import HESSIAN_RANK_THRESHOLD, LevelObjective, TaskCost
+from maira_qp.problem.qp.hierarchy import Level, largest_row, null_space
+from maira_qp.robots.model.configuration import Configuration
+
+SINGULAR = 1e-2
+"""sqrt(nu) as a share of the size of A, the root of the sum of its squares."""
+
+FILTER = 4
+"""The power of F."""
+
+DEPENDENT = 1e-5
+"""sqrt(eps) as a share of the size of K."""
+
+PASSES = 4
+"""Times that the joints and limits which hold a level are guessed again from the multipliers."""
+
+NEAR = 0.1
+"""A limit farther away than this [rad or m], or than a tick reaches at full speed, holds nothing."""
+
+BENDS = 1e-6
+"""A share of the error below which what is left of it bends nothing."""
+
+NOTHING = 1e-9
+"""What is left of a weighted error below this [rad] bends nothing either."""
+
+SADDLE, FLAT = 1e-3, 1e-5
+"""Shares of |r'| sqrt(max |H|): negative curvature beyond the first is left, curvature below the second is none."""
+
+STATIONARY = 0.1
+"""A level may stand at a saddle point if its gradient is below this share of |r'| sqrt(max |H|).
+
+How directions bend in which a level above does, nothing tells: below such a level no curvature is known to be negative.
+"""
+
+WORTH = 2e-9
+"""A share of |r'| sqrt(max |H|): a step that takes away less than this of the error per rad or m is not taken."""
+
+LEAST_DAMPING = 1e-7
+"""Floor of the damping as a share of the largest entry of H: the shortest of the steps that do the same."""
+
+STEEP = 1e-5
+"""The damping falls with the gradient to this share of what it is far from rest."""
+
+TINY = 1e-30
+
+
+@dataclass(frozen=True)
+class Reach:
+    """What limits leave of a tick at a configuration."""
+
+    locked: np.ndarray
+    """(n,) joints that cannot move at all"""
+    at_lower: np.ndarray
+    """(n,) joints whose lower limit is near"""
+    at_upper: np.ndarray
+    """(n,) joints whose upper limit is near"""
+    G: np.ndarray
+    """(k, n) rows of further limits that are near"""
+
+    @staticmethod
+    def of(bounds: Bounds, timeless: Bounds, step: np.ndarray) -> Reach:
+        """From the bounds of a tick, those where no time passes, and the largest displacements (n,) of a tick."""
+        reach = np.minimum(step, NEAR)
+        near = is_near((bounds.G, bounds.h), step)
+        locked = timeless.lower >= timeless.upper
+        return Reach(locked, timeless.lower >= -reach, timeless.upper <= reach, bounds.G[near])
+
+
+def is_near(rows: tuple[np.ndarray, np.ndarray], step: np.ndarray) -> np.ndarray:
+    """Which (k,) of the limits `G dq <= h` are near, with displacements of a tick up to step (n,)."""
+    G, h = rows
+    return h <= np.abs(G) @ np.minimum(step, NEAR)
+
+
+@dataclass(frozen=True)
+class TickModel:
+    """A level and what is known about it at a configuration."""
+
+    level: Level
+    multipliers: np.ndarray
+    """(m,) of the rows of the levels above, that balance the level's gradient"""
+    bent: int
+    """How many of its rows are directions in which it bends, behind those of its tasks"""
+    gradient: float
+    """Norm of its gradient where nothing holds it, as a share of |r'| sqrt(max |H|) where that is larger than 1"""
+
+
+def tick_models(levels: Sequence[LevelObjective], at: Configuration, reach: Reach, damping: float) -> list[TickModel]:
+    """The models of the levels in falling priority."""
+    models: list[TickModel] = []
+    K, is_bent = np.empty((0, at.n)), False
+    for number, level in enumerate(levels):
+        A, r = level.tasks.rows(at)
+        g, W = level.gradient(at), level.objective_hessian(at)
+        held, G = holding(K, g, reach)
+        left = remaining_error(A, r, np.vstack([G, K]), held, level, W, at)
+        pressed, bending = (balance(np.vstack([G, K]), each, held) for each in (g, g + A.T @ (r - left)))
+        free = np.where(held, 0.0, g + np.vstack([G, K]).T @ pressed)
+        bends = bool(left @ left > max(BENDS**2 * (r @ r), NOTHING**2))
+        C = _upright(W) if level.objectives and number == 0 else W
+        C = C + _curvature_above(levels[:number], models, at, bending[len(G) :])
+        C = C + _curvature(level.tasks, at, left) if bends else C
+        H = A.T @ A + C
+        largest, squared = float(np.abs(H).max()), float(left @ left)
+        steep = float(np.sqrt(squared / (largest + TINY)) * np.linalg.norm(free))
+        mu = damping * min(max(steep, STEEP * squared), squared, 1.0)
+        mu += LEAST_DAMPING * largest + level.tasks.damping(at)
+        size = float(np.sqrt(squared * largest))
+        flat = HESSIAN_RANK_THRESHOLD * largest if level.objectives else FLAT * size
+        bent = K[:0]
+        if number + 1 < len(levels) and (bends or level.objectives):
+            bent = bent_directions(np.vstack([K, A]), C, reach.locked, flat)
+        rows = np.vstack([A, bent])
+        saddle = SADDLE * size if steep <= STATIONARY * squared and not is_bent else np.inf
+        model = Level(H, level.pull(at), rows, level.cost(at), float(r @ r))
+        model = replace(model, saddle=saddle, still=WORTH * size) if bends else model
+        gradient = float(np.linalg.norm(free)) / max(1.0, size)
+        models.append(TickModel(model.damped(mu), pressed[len(G) :], len(bent), gradient))
+        K, is_bent = np.vstack([K, rows]), is_bent or (bends and len(bent) > 0)
+    return models
+
+
+def _upright(W: np.ndarray) -> np.ndarray:
+    """W (n, n) with its eigenvalues replaced by their sizes."""
+    values, V = np.linalg.eigh(W)
+    return (V * np.abs(values)) @ V.T
+
+
+def holding(K: np.ndarray, g: np.ndarray, reach: Reach) -> tuple[np.ndarray, np.ndarray]:
+    """The joints (n,) and the rows (k, n) of limits near by that hold up a level with the rows K above it.
+
+    They are those that the descent of its cost, g (n,) its gradient, runs into.
+    """
+    held, pressed = reach.locked, np.ones(len(reach.G), bool)
+    for _ in range(PASSES):
+        rows = np.vstack([reach.G[pressed], K])
+        multipliers = balance(rows, g, held)
+        pull = -(g + rows.T @ multipliers)
+        hold = reach.locked | (reach.at_lower & (pull < 0)) | (reach.at_upper & (pull > 0))
+        press = pressed.copy()
+        press[pressed] = multipliers[: int(pressed.sum())] > 0
+        press[~pressed] = reach.G[~pressed] @ pull > 0
+        if (hold == held).all() and (press == pressed).all():
+            break
+        held, pressed = hold, press
+    return held, reach.G[pressed]
+
+
+def balance(K: np.ndarray, g: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """Multipliers (m,) of the rows K (m, n) that balance a gradient (n,) on the joints that nothing holds."""
+    K = np.where(held, 0.0, K)
+    return -np.linalg.solve(K @ K.T + _dependent(K) * np.eye(len(K)), K @ g)
+
+
+def remaining_error(
+    A: np.ndarray,
+    r: np.ndarray,
+    K: np.ndarray,
+    held: np.ndarray,
+    level: LevelObjective,
+    W: np.ndarray,
+    at: Configuration,
+) -> np.ndarray:
+    """What steps in the null space of K, of the joints that nothing holds, leave of the error r (m,) of the rows A.
+
+    Where objectives count beside the tasks, W their Hessian, it is what the step to the least sum leaves.
+    """
+    A, K = np.where(held, 0.0, A), np.where(held, 0.0, K)
+    k, m, nu = len(K), len(A), max(SINGULAR**2 * float((A * A).sum()), TINY)
+    if m and level.objectives:
+        free = np.eye(at.n)[:, ~held]
+        Z = free @ null_space(K @ free, DEPENDENT)
+        values, V = np.linalg.eigh(Z.T @ (A.T @ A + W) @ Z)
+        lifted = np.abs(values) + nu * SINGULAR**3
+        g = sum(each.weight * each.objective.gradient(at) for each in level.objectives)
+        return r - A @ Z @ V @ (V.T @ Z.T @ (A.T @ r - g) / lifted)
+    S = np.vstack([K, A])
+    M = S @ S.T + np.diag(np.concatenate([np.full(k, _dependent(K)), np.full(m, nu)]))
+    for _ in range(FILTER if m else 0):
+        r = nu * np.linalg.solve(M, np.concatenate([np.zeros(k), r]))[k:]
+    return r
+
+
+def bent_directions(rows: np.ndarray, C: np.ndarray, locked: np.ndarray, flat: float) -> np.ndarray:
+    """Directions (k, n) in the null space of the rows (m, n) in which the curvature C (n, n) is beyond `flat`."""
+    Z = np.eye(len(C))[:, ~locked]
+    Z = Z @ null_space(rows @ Z, DEPENDENT, size=largest_row(rows))
+    values, V = np.linalg.eigh(Z.T @ C @ Z)
+    return (Z @ V[:, np.abs(values) > flat]).T
+
+
+def _dependent(K: np.ndarray) -> float:
+    return DEPENDENT**2 * float((K * K).sum()) + TINY
+
+
+def _curvature(tasks: TaskCost, at: Configuration, left: np.ndarray) -> np.ndarray:
+    """How the cost of the tasks bends (n, n) beside Gauss-Newton's part, where `left` (m,) stays of their error."""
+    parts = _split(left, [len(task.weighted_error(at)) for task in tasks.tasks])
+    pairs = zip(tasks.tasks, parts, strict=False)
+    return sum((task.residual_curvature(at, part) for task, part in pairs), np.zeros((at.n, at.n)))
+
+
+def _curvature_above(
+    levels: Sequence[LevelObjective], models: Sequence[TickModel], at: Configuration, multipliers: np.ndarray
+) -> np.ndarray:
+    """How the rows of levels bend (n, n), times their multipliers (m,)."""
+    C, start = np.zeros((at.n, at.n)), 0
+    for level, model in zip(levels, models, strict=True):
+        stop = start + len(model.level.rows)
+        C += level.tasks.curvature(at, multipliers[start : stop - model.bent])
+        start = stop
+    return C
+
+
+def _split(values: np.ndarray, sizes: Sequence[int]) -> list[np.ndarray]:
+    return np.split(values, np.cumsum(sizes))
