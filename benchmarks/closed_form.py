@@ -43,7 +43,7 @@ def main(settings: Settings) -> None:
         robot, rng = make(), np.random.default_rng(settings.seed)
         solver = mq.Solver(robot)
         solver.solve(robot.forward(robot.middle))
-        engine = solver._compiled
+        engine = solver.engines.compiled
         assert isinstance(engine, Compiled)
         poses = np.array([robot.forward(robot.random_configuration(rng)).homogeneous for _ in range(settings.targets)])
         beyond = poses.copy()

@@ -99,8 +99,8 @@ def compiled(robot: mq.Robot) -> Compiled:
     """The arrays of a pose task."""
     solver = mq.Solver(robot)
     solver.solve(robot.forward(robot.middle))
-    assert isinstance(solver._compiled, Compiled)
-    return solver._compiled
+    assert isinstance(solver.engines.compiled, Compiled)
+    return solver.engines.compiled
 
 
 def known(robot: mq.Robot) -> SRS:

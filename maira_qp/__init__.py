@@ -24,8 +24,11 @@ from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.relative import RelativePoseTask
 from maira_qp.problem.tasks.swivel import SwivelTask
 from maira_qp.problem.tasks.task import Task
-from maira_qp.results.solution import BatchSolution, Solution, Status, Step, StepStatus
+from maira_qp.results.batch import BatchSolution
+from maira_qp.results.solution import Solution
 from maira_qp.results.solution_set import ListedSolution, Solutions
+from maira_qp.results.status import Status, StepStatus
+from maira_qp.results.step import Step
 from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from maira_qp.robots.dh.table import DHLink, DHTable
 from maira_qp.robots.model.robot import Robot

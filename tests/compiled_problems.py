@@ -44,7 +44,7 @@ def compiled(
     robot: mq.Robot, task: FrameTask | None = None, redundancy: mq.Strict | None = None, **options
 ) -> Compiled:
     """The arrays of a problem."""
-    problem = mq.Solver(robot, task=task, redundancy=redundancy, options=mq.Options(**options))._compiled
+    problem = mq.Solver(robot, task=task, redundancy=redundancy, options=mq.Options(**options)).engines.compiled
     assert problem is not None
     return problem
 

@@ -126,9 +126,9 @@ def assert_ticks_agree(robot: mq.Robot, cases: dict, acceleration: float | None,
     ticks, differ = 0, []
     for label, arguments in cases.items():
         compiled, general = (mq.Solver(robot, backend=backend, **arguments) for backend in (None, "daqp"))
-        assert compiled._compiled_tick is not None, label
-        assert general._compiled_tick is None, label
-        for q, targets, dt, v in random_ticks(robot, compiled._priorities.frames, rng, 12):
+        assert compiled.engines.compiled_tick is not None, label
+        assert general.engines.compiled_tick is None, label
+        for q, targets, dt, v in random_ticks(robot, compiled.problem.frames, rng, 12):
             velocity = None if acceleration is None else v
             a, b = (solver.step(q, targets, dt, velocity=velocity) for solver in (compiled, general))
             assert (a.backend, b.backend) == ("compiled", "daqp")
@@ -170,7 +170,7 @@ def test_limits_hold_to_the_bit_over_many_ticks(name, acceleration, rng):
         for k in range(200):
             if k % 50 == 0:
                 goal = robot.random_configuration(rng)
-                targets = {frame: robot.forward(goal, frame) for frame in solver._priorities.frames}
+                targets = {frame: robot.forward(goal, frame) for frame in solver.problem.frames}
             t = solver.step(q, targets, dt, velocity=v)
             assert (np.abs(t.velocity) <= robot.velocity_limit).all(), label
             assert ((robot.lower <= t.q) & (t.q <= robot.upper)).all(), label
@@ -193,7 +193,7 @@ def test_lower_levels_leave_those_above_as_they_are(name, rng):
     moved = 0
     for k, (q, targets, dt, _) in enumerate(random_ticks(robot, robot.tips, rng, 200)):
         q = np.zeros(robot.n) if k % 9 == 0 else q
-        steps = [solver.step(q, {f: targets[f] for f in solver._priorities.frames}, dt) for solver in solvers]
+        steps = [solver.step(q, {f: targets[f] for f in solver.problem.frames}, dt) for solver in solvers]
         for lower, J in (
             (steps[1:], robot.jacobian(q, first)),
             (steps[2:], robot.jacobian(q, (others or [first])[0])[:3]),
@@ -213,7 +213,7 @@ def test_ticks_are_finite_wherever_they_begin(name, rng):
         solver = mq.Solver(robot, **arguments)
         for scale in (0.0, 1.0, 1e2, 1e4, 1e7):
             q = scale * rng.normal(size=robot.n)
-            targets = {frame: robot.forward(robot.middle, frame) for frame in solver._priorities.frames}
+            targets = {frame: robot.forward(robot.middle, frame) for frame in solver.problem.frames}
             for dt in (1e-9, 1e-3, 1e3):
                 t = solver.step(q, targets, dt, velocity=np.zeros(robot.n))
                 assert np.isfinite(t.q).all()
@@ -260,13 +260,13 @@ def test_a_task_with_a_target_of_its_own_and_an_elbow(rng):
     here = robot.forward(robot.middle + 0.1)
     tasks = [mq.PoseTask(target=here), mq.PositionTask(frame=robot.moved_links[3], priority=2)]
     a, b = (mq.Solver(robot, task=tasks, redundancy=STRICT, backend=backend) for backend in (None, general))
-    assert a._compiled_tick is not None
+    assert a.engines.compiled_tick is not None
     target = robot.forward(robot.middle + 0.2, robot.moved_links[3])
     for _ in range(20):
         q = robot.random_configuration(rng)
         np.testing.assert_allclose(a.step(q, target, 0.01).q, b.step(q, target, 0.01).q, rtol=0, atol=1e-8)
     fixed = mq.Solver(robot, task=mq.PoseTask(target=here))
-    assert fixed._compiled_tick is not None
+    assert fixed.engines.compiled_tick is not None
     assert fixed.step(robot.middle, None, 0.01).position_error > 0
 
 
@@ -303,8 +303,8 @@ def test_its_answer_counts_where_further_limits_do_not_bind(panda, rng):
 )
 def test_what_it_does_not_know_is_left_to_the_general_engine(arguments, panda):
     solver = mq.Solver(panda, **arguments)
-    assert solver._compiled_tick is None
-    target = panda.forward(panda.middle) if solver._priorities.frames else None
+    assert solver.engines.compiled_tick is None
+    target = panda.forward(panda.middle) if solver.problem.frames else None
     step = solver.step(panda.middle, target, 0.01)
     assert np.isfinite(step.q).all()
     assert step.backend == "daqp"
@@ -313,14 +313,14 @@ def test_what_it_does_not_know_is_left_to_the_general_engine(arguments, panda):
 def test_robots_with_mimic_joints_are_left_to_the_general_engine():
     robot = load("pr2_fingers")
     assert robot.kinematics.has_mimic
-    assert mq.Solver(robot)._compiled_tick is None
+    assert mq.Solver(robot).engines.compiled_tick is None
 
 
 def test_a_solver_with_a_compiled_tick_pickles(rng):
     robot = robot_of("baxter_arms")
     solver = mq.Solver(robot, redundancy=STRICT)
     twin = pickle.loads(pickle.dumps(solver))
-    assert isinstance(twin._compiled_tick, CompiledTick)
+    assert isinstance(twin.engines.compiled_tick, CompiledTick)
     targets = {tip: robot.forward(np.full(robot.n, 0.1), tip) for tip in robot.tips}
     a, b = (each.step(robot.middle, targets, 0.01) for each in (solver, twin))
     np.testing.assert_array_equal(a.q, b.q)

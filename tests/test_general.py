@@ -41,7 +41,7 @@ def test_what_is_returned_is_inside_the_limits_wherever_a_search_ended(maira, re
     """A search that ends beyond a limit by rounding, or by more."""
     solver = mq.Solver(maira, redundancy=redundancy)
     for beyond in (np.nextafter(maira.upper, np.inf), maira.upper + 1e-9, maira.lower - 1e-9):
-        targets = solver._priorities.targets(maira.forward(maira.clip(beyond)))
-        s = solver._general.finish(beyond, OUTCOME, targets)
+        target = solver.problem.target(maira.forward(maira.clip(beyond))).rows[0]
+        s = solver.engines.reference.finish(beyond, OUTCOME, target)
         assert (maira.lower <= s.q).all()
         assert (s.q <= maira.upper).all()

@@ -145,7 +145,7 @@ def assert_the_steps_of_the_general_engine(robot: mq.Robot, task, rng, blocks: i
     """
     options = mq.Options(max_iterations=max_iterations)
     problem = compiled(robot, task, max_iterations=max_iterations)
-    setting = mq.Solver(robot, backend="daqp", options=options)._setting
+    setting = mq.Solver(robot, backend="daqp", options=options).engines.reference.context
     for _ in range(blocks):
         rows, starts = reachable_rows(robot, rng, LANES), configurations(robot, rng, LANES)
         rows[0, 9:] *= 3.0  # out of reach

@@ -19,8 +19,8 @@ def problem(robot: mq.Robot) -> Compiled:
     """The arrays of a pose task."""
     solver = mq.Solver(robot)
     solver.solve(robot.forward(robot.middle))
-    assert isinstance(solver._compiled, Compiled)
-    return solver._compiled
+    assert isinstance(solver.engines.compiled, Compiled)
+    return solver.engines.compiled
 
 
 def out_of_reach(robot: mq.Robot, rng: np.random.Generator, count: int) -> np.ndarray:

@@ -62,8 +62,8 @@ class Problem:
     def __init__(self, robot: mq.Robot, redundancy: Strict | Weighted, task=None, **options) -> None:
         solver = mq.Solver(robot, task=task, redundancy=redundancy, options=mq.Options(**options))
         self.solver = mq.Solver(robot, task=task, redundancy=redundancy, options=solver.options, backend="daqp")
-        self.robot, self.redundancy, self.setting = robot, solver.redundancy, self.solver._setting
-        self.arrays, n = solver._compiled, robot.n
+        self.robot, self.redundancy, self.setting = robot, solver.redundancy, self.solver.engines.reference.context
+        self.arrays, n = solver.engines.compiled, robot.n
         self.reference, self.weights = self.arrays.redundancy[2 : 2 + n], self.arrays.redundancy[2 + n :]
         self.weight = redundancy.weight if isinstance(redundancy, Weighted) else 0.0
 
@@ -94,7 +94,7 @@ class Problem:
     def settle_generally(self, row: np.ndarray, start: np.ndarray) -> Settled:
         """The definition."""
         cost = self.cost(row)
-        reached = self.solver._general.reached(cost)
+        reached = self.solver.engines.reference.reached(cost)
         return settle_generally(self.redundancy, cost, self.robot.at(start), self.setting, Budget(None), reached)
 
     def left(self, row: np.ndarray, q: np.ndarray) -> float:
@@ -114,7 +114,7 @@ class Problem:
         """The outcome by the general engine: never a false optimum, and no optimum of Strict off the pose."""
         at, cost = self.robot.at(q), self.cost(row)
         position, orientation = cost.tasks[0].residual(at)
-        assert bool(outcome[REACHED]) == self.solver._general.reached(cost)(at)
+        assert bool(outcome[REACHED]) == self.solver.engines.reference.reached(cost)(at)
         assert outcome[POSITION_ERROR] == pytest.approx(position, abs=1e-13)
         assert outcome[ORIENTATION_ERROR] == pytest.approx(orientation, abs=1e-13)
         assert outcome[OBJECTIVE] == pytest.approx(self.objective.cost(at), rel=1e-12)

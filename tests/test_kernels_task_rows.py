@@ -75,7 +75,7 @@ class Kernel:
     """The kernel's view of one task with a target of its own, above a posture."""
 
     def __init__(self, robot: mq.Robot, task: Task) -> None:
-        self.problem = mq.Solver(robot, task=task, redundancy=mq.Strict(mq.Posture()))._compiled_tick
+        self.problem = mq.Solver(robot, task=task, redundancy=mq.Strict(mq.Posture())).engines.compiled_tick
         assert self.problem is not None
         assert (self.problem.places[:, SOURCE] == -1).all()
 
@@ -215,6 +215,6 @@ def test_derivatives_of_the_rotation_vector_are_those_of_the_frame_task(angle, r
 
 def test_what_is_reported_is_of_the_first_priority_alone(panda):
     tasks = [mq.PositionTask(equality=True), mq.OrientationTask(), mq.LookAtTask(point=[1, 0, 1], priority=2)]
-    problem = mq.Solver(panda, task=tasks)._compiled_tick
+    problem = mq.Solver(panda, task=tasks).engines.compiled_tick
     assert problem is not None
     assert problem.numbers[FIRST] == 2

@@ -6,8 +6,7 @@ import pytest
 import maira_qp as mq
 from maira_qp.kernels.search.levenberg_marquardt import lanes_memory
 from maira_qp.kernels.search.seeds import place_all
-from maira_qp.problem.levels import Priorities
-from maira_qp.problem.options import Options
+from maira_qp.problem.problem import Problem
 from maira_qp.problem.targets import row_of
 from maira_qp.robots.model.revolutions import WholeTurns
 from maira_qp.solvers.compiled.engine import Compiled
@@ -113,7 +112,7 @@ def test_solutions_and_further_limits_find_their_way_along_a_rail(rng):
 def test_slides_are_placed_where_no_other_place_is_nearer(base, rng):
     """Against a hundred places around it, the ends of the slides included."""
     robot = mobile(base, 20.0)
-    engine = Compiled.of(Priorities.of(robot, None, (), None), Options())
+    engine = Compiled.build(Problem.build(robot))
     slides = robot.slides
     assert WholeTurns(robot, robot.middle).long_slides.tolist() == slides.tolist()
     for far in (1.0, 40.0):

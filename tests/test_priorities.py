@@ -104,8 +104,8 @@ def test_no_level_disturbs_one_above_it(name, rng):
             q = q + rng.choice([0, 1e-9, 0.1], robot.n) * rng.normal(size=robot.n)
         at = robot.at(q)
         goal = q + 10 ** rng.uniform(-4, 0) * rng.normal(size=robot.n)
-        targets = {frame: robot.forward(goal, frame) for frame in solver._priorities.frames}
-        cost, wish = solver._priorities.costs(targets)
+        targets = {frame: robot.forward(goal, frame) for frame in solver.problem.frames}
+        cost, wish = solver.problem.costs(targets)
         bounds = merge(solver.limits, at, Tick(0.02, np.zeros(robot.n)))
         levels = list(strict_levels(cost.level(at), cost, wish.objectives, at, bounds.held))
         wished = rng.normal(size=(2, robot.n)), 0.1 * rng.normal(size=2)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import maira_qp as mq
 from maira_qp.analytic.bounding_points import tool_points
-from maira_qp.problem.levels import Priorities
+from maira_qp.problem.problem import Problem
 from maira_qp.problem.targets import pose_of, row_of
 from maira_qp.solvers.certificates import BoxProof, Proofs
 
@@ -20,7 +20,7 @@ ROBOTS = ["maira", "panda", "ur5", "irb140", "kr210", "puma560", "scara", "gantr
 
 def proofs_of(robot: mq.Robot, task: str = "pose") -> Proofs:
     """Those by boxes, also of an S-R-S arm, for which others go before them."""
-    return replace(Proofs.of(Priorities.of(robot, TASKS[task], (), None), mq.Options()), srs=None)
+    return replace(Proofs.build(Problem.build(robot, task=TASKS[task])), srs=None)
 
 
 def robot_named(name: str) -> mq.Robot:
@@ -148,9 +148,9 @@ def test_nothing_is_claimed_where_nothing_is_known():
     half = mq.PositionTask(position_weight=[1, 1, 0])
     elbow = mq.PositionTask(frame=maira.frames[4])
     for task in (half, elbow, mq.LookAtTask(point=[1, 0, 0])):
-        assert Proofs.of(Priorities.of(maira, task, (), None), mq.Options()) is None
+        assert Proofs.build(Problem.build(maira, task=task)) is None
     tree = load("baxter_arms")
-    assert Proofs.of(Priorities.of(tree, None, (), None), mq.Options()) is None
+    assert Proofs.build(Problem.build(tree)) is None
 
 
 @pytest.mark.parametrize("name", ["panda", "xarm7"])

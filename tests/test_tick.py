@@ -82,7 +82,7 @@ def test_the_arm_comes_to_rest_whether_the_target_can_be_reached_or_not(arm, red
     """Within reach, a little and far out of it, half a turn away: after 20 s, without kernels 10, the joints stand."""
     robot = mq.Robot.maira() if arm == "maira" else load(arm)
     solver = mq.Solver(robot, redundancy=redundancy)
-    ticks = 200 if solver._compiled_tick is None else 400
+    ticks = 200 if solver.engines.compiled_tick is None else 400
     start = robot.clip(robot.middle + 0.3)
     near = robot.forward(robot.clip(start + 0.2 * rng.normal(size=robot.n)))
     far, beyond, turned = near.copy(), near.copy(), near.copy()

@@ -16,7 +16,8 @@ from maira_qp.io.npz_table import NpzTable, write_npz
 from maira_qp.io.parquet_table import write_parquet
 from maira_qp.io.poses import check_format
 from maira_qp.io.table import Table
-from maira_qp.results.solution import BatchSolution, Status
+from maira_qp.results.batch import BatchSolution
+from maira_qp.results.status import Status
 
 NUMBERS = ("position_error", "orientation_error", "iterations", "restarts", "condition_number")
 STAYING = ("left_q0", "max_joint_change")

@@ -2,20 +2,126 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from maira_qp.arrays import is_listing, is_native, real_array
-from maira_qp.errors import ConfigurationError, OptionError, PoseError, shown
+from maira_qp.errors import ConfigurationError, FrameError, OptionError, PoseError, listed, shown
 from maira_qp.orientation import ORTHONORMAL_WITHIN, rigid, rounding_of
+from maira_qp.problem.pose import as_pose
+
+FARTHEST = 1e9
+"""Targets farther away than this many lengths of the arm are a mistake, and beyond the numbers."""
+
+Poses = Mapping[str, pin.SE3]
+"""One target by frame"""
 
 WORD = 2**64
 
 MULTIPLIER = np.uint64(0x9E3779B97F4A7C15)
 """Odd, so that no pose of a target is lost when the poses are mixed: 2^64 over the golden ratio (Knuth, "The Art of
 Computer Programming", volume 3, section 6.4)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Targets:
+    """The targets of N calls, checked: K poses each, one for each frame that needs one."""
+
+    frames: tuple[str, ...]
+    """(K,)"""
+    rows: np.ndarray
+    """(N, K, 12): R by rows, then p; NaN for a target with NaN or inf in it"""
+    deviations: np.ndarray
+    """(N,) how far each was from rotations, see `rounding_of`"""
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, i: int) -> Targets:
+        return Targets(self.frames, self.rows[i : i + 1], self.deviations[i : i + 1])
+
+    def poses(self, i: int = 0) -> dict[str, pin.SE3]:
+        """The i-th target by frame."""
+        return poses_of(self.frames, self.rows[i])
+
+    @property
+    def is_finite(self) -> np.ndarray:
+        """Which of them (N,) hold no NaN or inf."""
+        return np.asarray(np.isfinite(self.rows).all(axis=(1, 2)))
+
+
+def checked_target(target: Any, frames: tuple[str, ...], length: float) -> Targets:
+    """The targets of one call, N = 1, for an arm of a length [m]. Raises `PoseError`, `FrameError`."""
+    if not isinstance(target, Mapping):
+        if target is None and not frames:
+            return Targets(frames, np.empty((1, 0, 12)), np.zeros(1))
+        if target is None or len(frames) != 1:
+            needed = ("no target", "a target")[len(frames)] if len(frames) < 2 else "a mapping {frame: pose}"
+            raise PoseError(_instead(frames, needed))
+        target = {frames[0]: target}
+    for name in target:
+        if name not in frames:
+            raise FrameError(f"no task takes its target from the call for {shown(name)}; {listed(frames, name)}")
+    if len(target) < len(frames):
+        missing = ", ".join(repr(frame) for frame in frames if frame not in target)
+        raise PoseError(_instead(frames, f"a mapping {{frame: pose}}, in which {missing} is missing"))
+    poses = {frame: as_pose(target[frame]) for frame in frames}
+    for frame, pose in poses.items():
+        check_distance(pose.translation, length, "target" if len(poses) == 1 else f"target of {frame!r}")
+    deviation = max((rounding_of(getattr(each, "homogeneous", each)) for each in target.values()), default=0.0)
+    rows = np.reshape([row_of(pose) for pose in poses.values()], (1, len(frames), 12))
+    return Targets(frames, rows, np.array([deviation]))
+
+
+def checked_targets(targets: Any, frames: tuple[str, ...], length: float) -> Targets:
+    """The targets of a batch, for an arm of a length [m].
+
+    They come as (N, 4, 4) for one frame, else as {frame: (N, 4, 4)}, or as N mappings {frame: pose}.
+    Raises `PoseError`, `FrameError`.
+    """
+    if not frames:
+        raise PoseError("the tasks take no target from the call, so there is nothing to make a batch of")
+    if isinstance(targets, Sequence) and targets and all(isinstance(each, Mapping) for each in targets):
+        for each in targets:
+            if set(each) != set(frames):
+                checked_target(each, frames, length)  # which says what is wrong
+        targets = {frame: [each[frame] for each in targets] for frame in frames}
+    if not isinstance(targets, Mapping):
+        if len(frames) != 1:
+            raise PoseError(_instead(frames, "a mapping {frame: poses}"))
+        targets = {frames[0]: targets}
+    if set(targets) != set(frames):
+        raise PoseError(_instead(frames, "a mapping {frame: poses} of just these frames"))
+    made = [rows_of(poses_of_batch(targets[frame])) for frame in frames]
+    each, deviations = [rows for rows, _ in made], [deviation for _, deviation in made]
+    if len({len(rows) for rows in each}) > 1:
+        raise PoseError(f"as many poses for each frame, not {[len(rows) for rows in each]}")
+    rows = np.stack(each, axis=1) if len(each) > 1 else each[0][:, None]
+    far = np.abs(rows[:, :, 9:]) > FARTHEST * length
+    for i in np.flatnonzero(far.any(axis=(1, 2))) if far.any() else ():
+        check_distance(rows[i, :, 9:], length, f"target {i}")
+    rows[np.isnan(rows[:, :, 0]).any(axis=1)] = np.nan
+    return Targets(frames, rows, np.max(deviations, axis=0))
+
+
+def check_distance(p: np.ndarray, length: float, name: str) -> None:
+    """Raises `PoseError` for a position (..., 3) [m] that cannot be meant for an arm of that length [m]."""
+    if np.abs(p).max() > FARTHEST * length:
+        raise PoseError(f"the {name} is {np.abs(p).max():.3g} m away, more than {FARTHEST:g} times the arm's length")
+
+
+def _instead(frames: tuple[str, ...], needed: str) -> str:
+    names = ", ".join(map(repr, frames)) or "none"
+    return f"the tasks need {needed} (frames without a target of their own: {names})"
+
+
+def poses_of(frames: tuple[str, ...], row: np.ndarray) -> dict[str, pin.SE3]:
+    """The target of a row (K, 12) by frame."""
+    return {frame: pose_of(each) for frame, each in zip(frames, row, strict=True)}
 
 
 def row_of(target: pin.SE3) -> np.ndarray:

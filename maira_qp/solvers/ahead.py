@@ -113,8 +113,8 @@ class _Problem:
         from maira_qp.solvers.compiled.engine import OUTCOME, SETTLED, Asked  # heavy: Numba comes with it
 
         self.solver = Solver(robot, redundancy=redundancy)
-        assert self.solver._compiled is not None
-        self.engine = self.solver._compiled
+        assert self.solver.engines.compiled is not None
+        self.engine = self.solver.engines.compiled
         self.start = np.linspace(0.4, 0.9, robot.n)
         self.target = robot.forward(self.start).homogeneous
         self.q, self.outcome, self.after = self.start[None].copy(), np.zeros((1, OUTCOME)), np.zeros((1, SETTLED))

@@ -13,15 +13,14 @@ import numpy as np
 from maira_qp.analytic.bounding_points import pivots, tool_points
 from maira_qp.analytic.srs.arrays import srs_array
 from maira_qp.analytic.srs.geometry import SRS
-from maira_qp.analytic.srs.unreachability import SwivelProof, swivel_proof
-from maira_qp.kernels.certificates.branch_and_bound import JOINT, ORIENTATION, exclude
+from maira_qp.analytic.srs.unreachability import swivel_proof
+from maira_qp.kernels.certificates.branch_and_bound import exclude
 from maira_qp.kernels.srs.swivel_intervals import FLOATS, INTEGERS, PIECES
 from maira_qp.kernels.srs.unreachability import POSSIBLE, verdicts
-from maira_qp.problem.levels import Priorities, Targets
-from maira_qp.problem.options import Options
-from maira_qp.problem.targets import row_of
+from maira_qp.problem.problem import Problem
+from maira_qp.problem.targets import Poses, row_of
 from maira_qp.problem.tasks.frame import FrameTask
-from maira_qp.robots.model.robot import Robot
+from maira_qp.results.certificate import BoxProof, Proof
 from maira_qp.robots.model.serial_chain import chain_of
 
 MOST_BOXES = 2000
@@ -32,45 +31,10 @@ ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class BoxProof:
-    """Boxes of joint values that hold all configurations within the limits, and none that reaches the pose.
-
-    For each of them `tests` says what rules it out, see `kernels.certificates.branch_and_bound`: the distance of a
-    point of the tool from a pivot on a joint's axis, or the orientation. Forward kinematics is all that it takes to
-    check it.
-    """
-
-    boxes: np.ndarray
-    """Lower and upper ends (m, 2, n) [rad or m]"""
-    tests: np.ndarray
-    """(m, 2) of int: the point, -1 for the orientation, and the pivot, past the last for the point itself"""
-    points: np.ndarray
-    """Points (k, 3) [m] in the axes of the tip"""
-    pivots: np.ndarray
-    """(p, 2): a joint, and how far along its axis [m] from its origin"""
-    joint_names: tuple[str, ...]
-
-    @property
-    def words(self) -> str:
-        """For people."""
-        if len(self.boxes) > 1:
-            return f"each of {len(self.boxes)} boxes that together hold all joint values is too far from it"
-        point, pivot = self.tests[0]
-        if point == ORIENTATION:
-            return "no joint values within the limits turn the tool so far"
-        if pivot == len(self.pivots):
-            return "the tool comes nowhere near it"
-        return f"it is too far from {self.joint_names[int(self.pivots[pivot, JOINT])]}, or too near to it"
-
-
-Proof = BoxProof | SwivelProof
-
-
-@dataclass(frozen=True, eq=False)
 class Proofs:
     """What can be proved for a task of the tip of a chain, as arrays for the kernels."""
 
-    robot: Robot
+    problem: Problem
     chain: np.ndarray
     points: np.ndarray
     """(k, 4), see `kernels.certificates.branch_and_bound`"""
@@ -82,13 +46,12 @@ class Proofs:
     """(3, 80) see `kernels.srs.swivel`, of an S-R-S arm whose whole pose is wanted"""
     span: np.ndarray
     """(2,) the smallest and largest distance [m] of its shoulder and wrist within the limits of the elbow"""
-    options: Options
 
     @staticmethod
-    def of(priorities: Priorities, options: Options) -> Proofs | None:
+    def build(problem: Problem) -> Proofs | None:
         """For the first level's task of the tip; None where there is none of the kind, or the robot is no chain."""
-        robot = priorities.robot
-        for task in priorities.first if robot.is_chain else ():
+        robot, options = problem.robot, problem.options
+        for task in problem.tasks if robot.is_chain else ():
             if not isinstance(task, FrameTask) or task.target is not None or task.frame != robot.tip:
                 continue
             placed, turned = task.kept[:3].all(), task.kept[3:].all()
@@ -103,33 +66,33 @@ class Proofs:
                 points = np.column_stack([places, near])
                 arm = None if srs is None else srs_array(srs)
                 span = np.zeros(2) if srs is None else np.array(srs.span)
-                return Proofs(robot, chain_of(robot), points, pivots(robot), turn, arm, span, options)
+                return Proofs(problem, chain_of(robot), points, pivots(robot), turn, arm, span)
         return None
 
     def unreachable(self, rows: np.ndarray) -> np.ndarray:
         """Which of the poses (N, 12) are proved to be out of reach, (N,) of bool; the others may be."""
         if self.srs is not None:
             return self._verdicts(rows) != POSSIBLE
-        return self._excluded(rows, np.empty((0, 2 * self.robot.n + 2))) > 0
+        return self._excluded(rows, np.empty((0, 2 * self.problem.robot.n + 2))) > 0
 
-    def proof(self, targets: Targets) -> Proof | None:
+    def proof(self, poses: Poses) -> Proof | None:
         """Why the target of the tip cannot be reached, if that can be proved."""
-        n, target = self.robot.n, targets[self.robot.tip]
-        srs = None if self.srs is None else SRS.of(self.robot)
+        n, target = self.problem.robot.n, poses[self.problem.robot.tip]
+        srs = None if self.srs is None else SRS.of(self.problem.robot)
         if srs is not None:
-            near, turn = self.options.position_tolerance, self.options.orientation_tolerance
+            near, turn = self.problem.options.position_tolerance, self.problem.options.orientation_tolerance
             return swivel_proof(srs, target, position_tolerance=near, orientation_tolerance=turn)
         boxes = np.empty((MOST_BOXES, 2 * n + 2))
         (count,) = self._excluded(row_of(target)[None], boxes)
         if not count:
             return None
         ends, tests = boxes[:count, : 2 * n].reshape(count, 2, n), boxes[:count, 2 * n :].astype(int)
-        return BoxProof(ends.copy(), tests, self.points[:, :3], self.pivots, self.robot.joint_names)
+        return BoxProof(ends.copy(), tests, self.points[:, :3], self.pivots, self.problem.robot.joint_names)
 
     def _verdicts(self, rows: np.ndarray) -> np.ndarray:
         codes, pieces = np.empty(len(rows), np.int64), np.empty((8, PIECES, 3))
         floats, integers = np.empty(FLOATS), np.empty(INTEGERS, np.int64)
-        near, turn = self.options.position_tolerance, self.options.orientation_tolerance
+        near, turn = self.problem.options.position_tolerance, self.problem.options.orientation_tolerance
         verdicts(self.srs, rows, near, turn, floats, integers, pieces, codes)
         return codes
 

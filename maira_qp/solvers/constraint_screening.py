@@ -17,7 +17,7 @@ from maira_qp.kernels.search.multi_start import FINAL_COST, SPENT, SUCCESS
 from maira_qp.problem.qp.costs import TaskCost
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.solvers.compiled.engine import Compiled
-from maira_qp.solvers.reference.context import Setting
+from maira_qp.solvers.reference.context import Context
 from maira_qp.solvers.reference.levenberg_marquardt import Budget, Descent
 from maira_qp.solvers.reference.multi_start import Search, attempt_from, search
 
@@ -29,19 +29,19 @@ def screen(
     engine: Compiled,
     row: np.ndarray,
     cost: TaskCost,
-    setting: Setting,
+    context: Context,
     budget: Budget,
     rng: np.random.Generator,
     reached: Callable[[Configuration], bool],
     start: np.ndarray | None = None,
 ) -> Search:
-    """Search for a target (12,) with an engine that does not know the further limits of the setting.
+    """Search for a target (12,) with an engine that does not know the further limits of the context.
 
     Without them it is solved once from as many random starts as there may be attempts. Of the solutions those
     nearest to a start (n,), if there is one, are looked at first.
     """
-    robot, options = setting.robot, setting.options
-    starts = np.array([setting.random_start(rng) for _ in range(options.max_restarts + 1)])
+    robot, options = context.robot, context.options
+    starts = np.array([context.random_start(rng) for _ in range(options.max_restarts + 1)])
     q, outcome = engine.descend(row, engine.placed(row, starts))
     budget.iterations += int(outcome[:, SPENT].sum())
     breaches = np.full(len(q), np.inf)
@@ -51,7 +51,7 @@ def screen(
     rank = engine.wish(q[arrived]) if start is None else np.square(q[arrived] - start).sum(axis=1)
     for k in arrived[np.argsort(rank, kind="stable")]:
         at = robot.at(q[k])
-        breaches[k] = setting.broken(at)
+        breaches[k] = context.broken(at)
         if breaches[k] == 0.0 and reached(at):
             return Search(Descent(at, cost.value(at), True), int(k))
         if budget.late():
@@ -59,17 +59,17 @@ def screen(
     proved = not np.isfinite(breaches).any() and bool(engine.proofs.unreachable(row[None])[0])
     # where nothing reaches the pose: from where it is nearest
     order = np.lexsort((outcome[:, FINAL_COST], breaches))
-    is_nearest = proved and not setting.broken(robot.at(q[order[0]]))
+    is_nearest = proved and not context.broken(robot.at(q[order[0]]))
     order = order[: 1 if is_nearest else DESCENTS]
     best: Descent | None = None
     for k in order:
-        descent = attempt_from(robot.at(setting.admitted(q[k])), cost, setting, budget, reached)
+        descent = attempt_from(robot.at(context.admitted(q[k])), cost, context, budget, reached)
         if descent.is_better_than(best):
             best = descent
         if descent.reached or budget.late():
             break
     assert best is not None
     if best.broken and not budget.late():
-        elsewhere = search(cost, None, setting, budget, lambda: rng, reached, max_restarts=DESCENTS).best
+        elsewhere = search(cost, None, context, budget, lambda: rng, reached, max_restarts=DESCENTS).best
         best = elsewhere if elsewhere.is_better_than(best) else best
     return Search(best, len(q) - 1, proved)

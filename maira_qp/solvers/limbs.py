@@ -15,7 +15,7 @@ import numpy as np
 from maira_qp.problem.qp.costs import TaskCost
 from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.model.robot import Robot
-from maira_qp.solvers.reference.context import Setting
+from maira_qp.solvers.reference.context import Context
 from maira_qp.solvers.reference.levenberg_marquardt import Budget, Descent
 from maira_qp.solvers.reference.multi_start import Reached, Search, random_start, search
 
@@ -58,7 +58,7 @@ def _movers(task: Task, glances: list) -> np.ndarray:
 def search_limbs(
     cost: TaskCost,
     q0: np.ndarray | None,
-    setting: Setting,
+    context: Context,
     budget: Budget,
     rng: Callable[[], np.random.Generator],
     reached_of: Callable[[TaskCost], Reached],
@@ -71,27 +71,27 @@ def search_limbs(
     limits may join what the tasks leave apart: where some limb was not reached within them, or the limbs together are
     not, all joints are searched for at once, from what was found.
     """
-    limbs = limbs_of(cost, setting.robot)
+    limbs = limbs_of(cost, context.robot)
     whole = reached_of(cost)
     if len(limbs) < 2:
-        return search(cost, q0, setting, budget, rng, whole, max_restarts, is_hopeless)
-    q = random_start(cost, setting, rng(), budget).q if q0 is None else q0
+        return search(cost, q0, context, budget, rng, whole, max_restarts, is_hopeless)
+    q = random_start(cost, context, rng(), budget).q if q0 is None else q0
     restarts, left = 0, False
     for limb in limbs:
-        part = replace(setting, start_range=tuple(np.where(limb.joints, end, q) for end in setting.start_range))
+        part = replace(context, narrowed=tuple(np.where(limb.joints, end, q) for end in context.sampling_range))
         start = None if q0 is None else q
         found = search(limb.cost, start, part, budget, rng, reached_of(limb.cost), max_restarts, is_hopeless)
         q, restarts = np.where(limb.joints, found.best.at.q, q), max(restarts, found.restarts)
         left = left or found.left
         if found.proved:
-            return Search(_ended(q, cost, setting, whole), restarts, True, left)
-    end = _ended(q, cost, setting, whole)
-    if end.reached or not setting.further or budget.late():
+            return Search(_ended(q, cost, context, whole), restarts, True, left)
+    end = _ended(q, cost, context, whole)
+    if end.reached or not context.further or budget.late():
         return Search(end, restarts, left=left)
-    return search(cost, setting.admitted(q), setting, budget, rng, whole, max_restarts, is_hopeless)
+    return search(cost, context.admitted(q), context, budget, rng, whole, max_restarts, is_hopeless)
 
 
-def _ended(q: np.ndarray, cost: TaskCost, setting: Setting, reached: Reached) -> Descent:
+def _ended(q: np.ndarray, cost: TaskCost, context: Context, reached: Reached) -> Descent:
     """A descent that ended at q (n,)."""
-    at = setting.robot.at(q)
-    return Descent(at, cost.value(at), reached(at), setting.broken(at))
+    at = context.robot.at(q)
+    return Descent(at, cost.value(at), reached(at), context.broken(at))

@@ -21,7 +21,7 @@ from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.revolutions import FARTHEST, WholeTurns
 from maira_qp.robots.model.robot import Robot
-from maira_qp.solvers.reference.context import Setting
+from maira_qp.solvers.reference.context import Context
 from maira_qp.solvers.spread import spread
 
 BESIDE, RADII = 8, (0.3, 0.6, 1.0)
@@ -70,19 +70,19 @@ def _tolerated(task: Task, options: Options) -> float:
 
 
 def turned(
-    at: Configuration, start: np.ndarray, setting: Setting, costs: Sequence[Callable[[Configuration], float]]
+    at: Configuration, start: np.ndarray, context: Context, costs: Sequence[Callable[[Configuration], float]]
 ) -> Configuration:
     """The configuration with each joint at the whole turn nearest to the start (n,), where no cost is higher for it.
 
     Where the start is beyond `FARTHEST`, a joint stays at the turn that it has.
     """
-    robot = setting.robot
+    robot = context.robot
     q = WholeTurns(robot, start).within(at.q[None])[0]
     there = np.flatnonzero((np.abs(q - at.q) > 1.0) & (np.abs(start) <= FARTHEST))
 
     def is_felt(trial: Configuration) -> bool:
         higher = any(cost(trial) > cost(at) + ROUNDING * (abs(cost(at)) + ROUNDING) for cost in costs)
-        return higher or setting.broken(trial) > setting.broken(at) or not setting.keeps(trial, at)
+        return higher or context.broken(trial) > context.broken(at) or not context.keeps(trial, at)
 
     for joints in (there, *there[:, None]) if len(there) > 1 else there[:, None]:  # all at once if that will do
         trial = at.q.copy()

@@ -1,49 +1,48 @@
 """The solver: a robot, its tasks, limits and redundancy, and the verbs that answer with one result type.
 
 `solve` minimises `1/2 |W e(q)|^2` over `lower <= q <= upper`, e the pose error by the quaternion logarithm, by the
-compiled engine (compiled.py) where that takes the problem, else by the general one (general.py).
+compiled engine where that takes the problem, else by the reference engine: see dispatch.py.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pinocchio as pin
 
 from maira_qp.arrays import check_callable, is_count, is_native, is_number, real_array
 from maira_qp.display import Card, Shown
-from maira_qp.errors import BackendError, ConfigurationError, OptionError, listed, shown
-from maira_qp.problem.levels import FARTHEST, Priorities, Targets
+from maira_qp.errors import ConfigurationError, OptionError, listed, shown
 from maira_qp.problem.limits.joint import Limit, Tick
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.options import Options
-from maira_qp.problem.qp.backends import Backend, available
+from maira_qp.problem.problem import Problem
+from maira_qp.problem.qp.backends import Backend
 from maira_qp.problem.redundancy import Strict, Weighted
-from maira_qp.problem.targets import SEED_0, checked_seed, checked_starts
+from maira_qp.problem.targets import SEED_0, Targets, checked_seed, checked_starts
 from maira_qp.problem.tasks.frame import TargetTask
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
-from maira_qp.results.solution import BatchSolution, Solution, Status, Step, solution_of, with_deviation
+from maira_qp.results.batch import BatchSolution
+from maira_qp.results.solution import Solution
+from maira_qp.results.step import Step
 from maira_qp.robots.model.robot import Robot
+from maira_qp.solvers.dispatch import Choice, Engines
 from maira_qp.solvers.enumeration.closest import check_preference, posture_at
-from maira_qp.solvers.reference.context import Setting
-from maira_qp.solvers.reference.engine import General, residual
-from maira_qp.solvers.reference.step import keeps_further_limits, tick
 
 if TYPE_CHECKING:
     from maira_qp.results.solution_set import Solutions
-    from maira_qp.solvers.compiled.engine import Compiled
-    from maira_qp.solvers.compiled.step import CompiledTick
 
 Rng = np.random.Generator | int | None
 
 _NOT_GIVEN = float("nan")
 """A `dt` that the caller left out: an object of its own, told from a NaN that was computed."""
+
+VERBS = ("solve", "solve_batch", "step")
+"""What `Solver.engine_for` knows."""
 
 
 class Solver(Shown):
@@ -78,74 +77,48 @@ class Solver(Shown):
 
         Raises `OptionError`, `FrameError`, `BackendError`.
         """
-        _check_type(robot, Robot, "robot", "mq.Robot.maira() or mq.Robot.from_urdf(...)")
-        _check_type(options, (Options, type(None)), "options", "mq.Options(...)")
-        _check_type(redundancy, (Weighted, Strict, type(None)), "redundancy", "mq.Strict(mq.Posture())")
-        for name, value in (("tasks", tasks), ("limits", limits)):
-            _check_type(value, (list, tuple), name, "a list")
-        for limit in limits:
-            _check_type(limit, Limit, "limit", "mq.LinearLimit(A, b)")
-        self.robot = robot
-        self._priorities = Priorities.of(robot, task, tasks, redundancy)
-        options = options or Options()
-        self._compiled: Compiled | None = None
-        screening: Compiled | None = None
-        self._compiled_tick: CompiledTick | None = None
-        if backend is not None and not isinstance(backend, (str, Backend)):
-            raise BackendError(f"backend must be a name or mq.Backend(name, settings), got {shown(backend)}")
-        if backend is None or backend == "compiled":
-            from maira_qp.solvers.compiled.engine import Compiled  # heavy: Numba comes with it
-            from maira_qp.solvers.compiled.step import CompiledTick
+        self.problem = Problem.build(
+            robot, task=task, tasks=tasks, limits=limits, redundancy=redundancy, options=options
+        )
+        self.engines = Engines.build(self.problem, backend)
 
-            self._compiled_tick = CompiledTick.of(self._priorities, options)
-            possible = Compiled.of(self._priorities, options)
-            if isinstance(possible, Compiled):
-                self._compiled, screening = (None, possible) if limits else (possible, None)
-            if backend == "compiled" and self._compiled is None:
-                reason = possible if isinstance(possible, str) else "it has limits beside those of the joints"
-                raise BackendError(f"the compiled engine cannot take this: {reason}; {listed(available())}")
-        if not isinstance(backend, Backend):
-            backend = Backend("daqp" if backend is None or backend == "compiled" else backend)
-        further = tuple(limit.of(robot) for limit in limits)
-        self._setting = Setting(robot, further, self._priorities.turns.window, backend, options)
-        self._setting.check()
-        self._general = General(self._priorities, self._setting, self._compiled, screening)
+    @property
+    def robot(self) -> Robot:
+        """The arm, with its tip and joint limits."""
+        return self.problem.robot
 
     @property
     def options(self) -> Options:
         """Tolerances and budgets."""
-        return self._setting.options
+        return self.problem.options
 
     @property
     def tasks(self) -> tuple[Task, ...]:
         """The tasks of the first level: what a solve is to reach."""
-        return self._priorities.first
+        return self.problem.tasks
 
     @property
     def redundancy(self) -> Weighted | Strict | None:
         """What was asked for beside the tasks."""
-        return self._priorities.redundancy
+        return self.problem.redundancy
 
     @property
     def limits(self) -> tuple[Limit, ...]:
         """All limits, the robot's own first."""
-        return self._setting.limits
-
-    @property
-    def _search_engine(self) -> Compiled | None:
-        """The compiled engine, unless tasks of several levels are first searched for together."""
-        return None if len(self._priorities.all_tasks) > len(self.tasks) else self._compiled
+        return self.problem.limits
 
     @property
     def backend(self) -> str:
         """Who solves the QPs: "compiled", or the backend's name."""
-        return self._setting.backend.name if self._compiled is None else "compiled"
+        return self.engines.name
 
     def _card(self) -> Card:
-        wish, further = self.redundancy, self._setting.further
+        wish, further = self.redundancy, self.problem.additional_limits
         names = [type(objective).__name__ for objective in wish.objectives] if wish is not None else []
         weight = f", weight={wish.weight:g}" if isinstance(wish, Weighted) else ""
-        tasks = [f"{task.priority}: {type(task).__name__}{_frame_of(task)}" for task in self._priorities.all_tasks]
+        tasks = [
+            f"{task.priority}: {type(task).__name__}{_frame_of(task)}" for task in self.problem.hierarchy.all_tasks
+        ]
         return Card(
             title=f"Solver of {self.robot.title}",
             facts=(
@@ -197,53 +170,11 @@ class Solver(Shown):
         check_callable(observe, "observe", OptionError)
         if prefer is not None or metric is not None:
             check_preference(prefer, q0, observe)
-            closest = self._closest(self._priorities.targets(target), posture_at(q0, metric, self.robot), seed)
-            return with_deviation(closest, target)
-        return self._answer(target, q0, seed, observe)
-
-    def _answer(
-        self, target: Any, q0: Any, seed: np.ndarray, observe: Callable[[np.ndarray], object] | None = None
-    ) -> Solution:
-        """A solve by the engine that takes it."""
+            targets = self.problem.target(target)
+            closest = self._closest(targets, posture_at(q0, metric, self.robot), seed)
+            return replace(closest, target_deviation=float(targets.deviations[0]))
         start = q0 if q0 is None or is_native(q0, (self.robot.n,)) else self._start(q0)
-        engine = self._search_engine
-        if engine is None or observe is not None or self.options.deadline is not None:
-            solution = self._general.solve(self._priorities.targets(target), self._start(start), seed, observe)
-            return with_deviation(solution, target)
-        native = self._native(target)
-        fault, q, outcome, after = engine.solve(native, start, seed)
-        if fault:  # said in words, rounded, or for the general engine
-            targets = self._priorities.targets(target)
-            if fault == engine.NOT_RIGID:
-                return with_deviation(self._answer(targets, start, seed), target)
-            return self._general.solve(targets, self._start(start), seed)
-        found, _, spent, _, position, orientation, moved, _, left = outcome
-        reached = optimal = found > 0.0
-        gradient = cost = math.nan
-        if after:
-            arrived, more, gradient, cost, position, orientation = after
-            reached, spent, optimal = arrived > 0.0, spent + more, gradient <= self.options.stationarity_tolerance
-        if not optimal or not (engine.settles or self._priorities.is_done_by_search):
-            return self._general.finish(q, outcome, self._priorities.targets(target), self._start(start))
-        return solution_of(
-            q=q,
-            success=reached,
-            status=Status.CONVERGED if reached else Status.UNREACHABLE if found < 0.0 else Status.NEAREST,
-            position_error=position,
-            orientation_error=orientation,
-            iterations=int(spent),
-            restarts=int(outcome[1]),
-            cost=cost,
-            projected_gradient=gradient,
-            optimal=True,
-            start_projected=moved > 0.0,
-            target_deviation=0.0,
-            left_q0=left > 0.0,
-            backend="compiled",
-            _start=None if start is None else start.copy(),
-            _setting=self._setting,
-            _asked=(self._priorities, native.copy()),
-        )
+        return self.engines.solve(target, start, seed, observe)
 
     def solve_batch(
         self,
@@ -277,50 +208,21 @@ class Solver(Shown):
         if threads is not None and not is_count(threads, 1):
             raise OptionError(f"threads must be a positive whole number, got {shown(threads)}")
         check_callable(progress, "progress", OptionError)
-        rows, deviations = self._priorities.rows(targets)
-        starts = checked_starts(q0, len(rows), self.robot.n)
+        asked = self.problem.targets(targets)
+        starts = checked_starts(q0, len(asked), self.robot.n)
         words = checked_seed(seed)
-        postures = None
-        if prefer is not None or metric is not None:
-            check_preference(prefer, starts)
-            postures = [posture_at(start, metric, self.robot) for start in starts]  # type: ignore[union-attr]
-        batch = BatchSolution.blank(self._setting, self.backend, starts, (self._priorities, rows))
-        batch.target_deviation[:] = deviations
-        finite = np.isfinite(rows[:, 0, 0])
-        engine = self._search_engine
-        if postures is not None or engine is None or self.options.deadline is not None or not engine.takes(starts):
-            batch.q[:] = self.robot.middle
-            for i in range(len(rows)):
-                if finite[i]:
-                    targets = self._priorities.of_row(rows[i])
-                    if postures is not None:
-                        batch.put(i, self._closest(targets, postures[i], words))
-                    else:
-                        batch.put(i, self._general.solve(targets, None if starts is None else starts[i], words))
-                if progress is not None:
-                    progress(i + 1, len(rows))
-            batch.refuse(~finite)
-            return batch
-        all_of_it = self._priorities.is_done_by_search or engine.settles
-        told = progress if all_of_it else None  # else what takes the time is yet to come
-        left: dict[int, list[float]] = {}
-
-        def put(part: slice, outcome: np.ndarray, after: np.ndarray) -> None:
-            batch.put_found(part, outcome, after, self.options.stationarity_tolerance)
-            unfinished = finite[part] & ~batch.optimal[part] if all_of_it else finite[part]
-            for i in np.flatnonzero(unfinished).tolist():
-                left[part.start + i] = outcome[i].tolist()
-
-        one, q = np.ascontiguousarray(rows[:, 0]), batch.q
-        engine.solve_batch(one, starts, words, threads, told, q, put)
-        for i in sorted(left):
-            start = None if starts is None else starts[i]
-            batch.put(i, self._general.finish(q[i].copy(), left[i], self._priorities.of_row(rows[i]), start))
-            if progress is not None and not all_of_it:
-                progress(i + 1, len(rows))
-        if progress is not None and not (all_of_it or finite[-1:].all()):
-            progress(len(rows), len(rows))
-        batch.refuse(~finite)
+        if prefer is None and metric is None:
+            return self.engines.solve_batch(asked, starts, words, threads, progress)
+        check_preference(prefer, starts)
+        postures = [posture_at(start, metric, self.robot) for start in starts]  # type: ignore[union-attr]
+        batch = BatchSolution.blank(self.engines, self.backend, starts, asked)
+        batch.q[:] = self.robot.middle
+        for i, is_finite in enumerate(asked.is_finite):
+            if is_finite:
+                batch.put(i, self._closest(asked[i], postures[i], words))
+            if progress is not None:
+                progress(i + 1, len(asked))
+        batch.refuse(~asked.is_finite)
         return batch
 
     def solutions(self, target: Any, rng: Rng = None) -> Solutions:
@@ -342,10 +244,11 @@ class Solver(Shown):
         """
         from maira_qp.solvers.enumeration.all_solutions import all_solutions  # heavy: Numba comes with it
 
-        targets, redundancy = self._priorities.targets(target), self.redundancy
+        redundancy, engines = self.redundancy, self.engines
         objective = Posture() if redundancy is None else redundancy.objectives[0]
         seed = SEED_0 if rng is None else checked_seed(rng)
-        return all_solutions(self._priorities, self._setting, self._compiled, targets, objective.of(self.robot), seed)
+        targets, compiled = self.problem.target(target), None if engines.refusal else engines.compiled
+        return all_solutions(engines.reference.context, compiled, targets, objective.of(self.robot), seed)
 
     def _closest(self, targets: Targets, posture: Posture, seed: np.ndarray) -> Solution:
         """The nearest of all solutions to a posture, settled there, and of what is found from it.
@@ -354,23 +257,17 @@ class Solver(Shown):
         """
         from maira_qp.solvers.enumeration.all_solutions import nearest_solution
 
-        q0, by_distance = posture.q_ref, self._with_redundancy(Strict(posture))
-        q = nearest_solution(by_distance._priorities, self._setting, self._compiled, targets, posture, seed)
-        near = by_distance._answer(targets, q0, seed)
+        q0, poses, problem = posture.q_ref, targets.poses(), self.problem.with_redundancy(Strict(posture))
+        by_distance = self.engines.with_problem(problem)
+        compiled = None if by_distance.refusal else by_distance.compiled
+        q = nearest_solution(by_distance.reference.context, compiled, targets, posture, seed)
+        near = by_distance.solve(poses, q0, seed)
         if q is None:
             return near
-        listed = by_distance._answer(targets, q, seed)
+        listed = by_distance.solve(poses, q, seed)
         if near.success and not (listed.success and listed.cost < near.cost):
             return near
         return replace(listed, _start=q0, left_q0=near.left_q0, start_projected=near.start_projected)
-
-    def _with_redundancy(self, redundancy: Strict) -> Solver:
-        """The same solver with another redundancy, made for the robot."""
-        other = copy(self)
-        other._priorities = replace(self._priorities, redundancy=redundancy)
-        other._compiled = None if self._compiled is None else self._compiled.preferring(redundancy)
-        other._general = replace(self._general, priorities=other._priorities, compiled=other._compiled)
-        return other
 
     def step(
         self,
@@ -409,49 +306,39 @@ class Solver(Shown):
             raise OptionError(f"deadline must be a positive number of seconds, got {shown(deadline)}")
         if not isinstance(keep_direction, (bool, np.bool_)):
             raise OptionError(f"keep_direction must be True or False, got {shown(keep_direction)}")
-        is_general = deadline is not None or keep_direction
-        step = None if is_general else self._compiled_step(q, target, float(dt), velocity)
+        by_reference = deadline is not None or keep_direction
+        step = None if by_reference else self.engines.compiled_step(q, target, float(dt), velocity)
         if step is not None:
             return step
         n = self.robot.n
         if velocity is None and np.isfinite(self.robot.acceleration_limit).any():
             raise OptionError("limits on the acceleration need the velocity of now: step(..., velocity=last.velocity)")
         now = np.zeros(n) if velocity is None else real_array(velocity, (n,), "velocity", ConfigurationError)
-        targets, q = self._priorities.targets(target), real_array(q, (n,), "q", ConfigurationError)
-        step = None if is_general else self._compiled_step(q, targets, float(dt), now)
+        targets, q = self.problem.target(target), real_array(q, (n,), "q", ConfigurationError)
+        step = None if by_reference else self.engines.compiled_step(q, targets.poses(), float(dt), now)
         if step is not None:  # all that was amiss was the kind of the arrays
             return step
-        cost, wish = self._priorities.costs(targets)
-        at, now = self.robot.at(q), Tick(float(dt), now)
-        q_next, speed, status = tick(cost, wish, at, self._setting, now, deadline, bool(keep_direction))
-        position, orientation = residual(cost, self.robot.at(q_next))
-        return Step(speed, q_next, position, orientation, status, self._setting.backend.name, self._setting)
+        return self.engines.reference_step(q, targets, Tick(float(dt), now), deadline, bool(keep_direction))
 
-    def _compiled_step(self, q: Any, target: Any, dt: float, velocity: Any) -> Step | None:
-        """A tick by the kernel; None if it does not take this, or other limits than those of the joints bind."""
-        done = None if self._compiled_tick is None else self._compiled_tick.tick(target, q, dt, velocity)
-        if done is None or not keeps_further_limits(self._setting, q, done[0], dt, velocity):
-            return None
-        ahead, speed, position, orientation, status = done
-        return Step(speed, ahead, position, orientation, status, "compiled", self._setting)
+    def engine_for(
+        self, verb: str = "solve", *, observe: bool = False, deadline: bool = False, keep_direction: bool = False
+    ) -> Choice:
+        """Which engine runs a call, and why: `print(solver.engine_for("step"))`.
+
+        Args:
+            verb: "solve", "solve_batch" or "step".
+            observe: for `solve` with `observe=...`.
+            deadline, keep_direction: for `step` with these.
+
+        Raises `OptionError` for another verb.
+        """
+        if verb not in VERBS:
+            raise OptionError(f"no engine for {shown(verb)}; {listed(VERBS, verb)}")
+        return self.engines.choice(verb, observe=observe, deadline=deadline, keep_direction=keep_direction)
 
     def _start(self, q0: Any) -> np.ndarray | None:
         return None if q0 is None else real_array(q0, (self.robot.n,), "q0", ConfigurationError)
 
-    def _native(self, target: Any) -> np.ndarray:
-        """A target (4, 4) that kernels take, and check. Raises `PoseError` for what is no array of that kind."""
-        T = np.ascontiguousarray(target.homogeneous) if isinstance(target, pin.SE3) else target
-        far = FARTHEST * self.robot.length
-        if is_native(T, (4, 4)) and not max(abs(T[0, 3]), abs(T[1, 3]), abs(T[2, 3])) > far:
-            return T
-        (pose,) = self._priorities.targets(target).values()
-        return np.ascontiguousarray(pose.homogeneous)
-
 
 def _frame_of(task: Task) -> str:
     return f"({task.frame})" if isinstance(task, TargetTask) else ""
-
-
-def _check_type(value: Any, types: Any, name: str, example: str) -> None:
-    if not isinstance(value, types):
-        raise OptionError(f"{name} must be something like {example}, got {shown(value)}")

@@ -16,10 +16,12 @@ from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.errors import OptionError, PoseError
 from maira_qp.io.answers import check_output, columns, left_out, write_answers
 from maira_qp.io.poses import Poses, blocks, read_poses
-from maira_qp.results.solution import BatchSolution, Status
+from maira_qp.problem.targets import FARTHEST
+from maira_qp.results.batch import BatchSolution
+from maira_qp.results.status import Status
 from maira_qp.robots.model.robot import Robot
 from maira_qp.robots.unit_hints import degrees_hint, degrees_hint_of_angles, millimetres_hint_of_many
-from maira_qp.solvers.solver import FARTHEST, Solver
+from maira_qp.solvers.solver import Solver
 
 REMARKS = {
     "nearest": "NEAREST: a nearest point, not at the pose",

@@ -8,7 +8,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.patches import Patch
 
 from maira_qp.apps.plots.style import COLORS, finish, styled
-from maira_qp.results.solution import Status
+from maira_qp.results.status import Status
 
 REACHED, UNREACHABLE, OPEN = 0, 1, 2
 FILLS = (COLORS[0], "#E3E3E3", COLORS[4])

@@ -13,7 +13,7 @@ from maira_qp.apps.viewer.elbow import Elbow
 from maira_qp.apps.viewer.recording import Recording
 from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.view import Standing, View, limits_at
-from maira_qp.results.solution import Status
+from maira_qp.results.status import Status
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.analysis.explanation import Explanation
 

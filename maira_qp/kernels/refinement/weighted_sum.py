@@ -1,4 +1,4 @@
-"""Descend the pose's cost and an objective in one sum: the compiled form of `Weighted`'s end in `solvers.reference.null_space_sqp`.
+"""Descend the pose's cost and an objective in one sum: `Weighted`'s end of `solvers.reference.null_space_sqp`.
 
     q <- clip(q + dq),   dq = argmin  c^T dq + 1/2 dq^T (H + mu I) dq   subject to   lower - q <= dq <= upper - q
 

@@ -22,22 +22,21 @@ multipliers: a joint on a limit is held.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 
 from maira_qp.errors import SensitivityError
-from maira_qp.problem.levels import Priorities
 from maira_qp.problem.objectives import Objective
+from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.costs import ExactTaskCost, LevelObjective, TaskCost, WeightedCost, multipliers
 from maira_qp.problem.qp.hierarchy import largest_row
 from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.targets import Poses
 from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.robots.model.configuration import Configuration
-from maira_qp.solvers.reference.context import Setting
+from maira_qp.solvers.reference.context import Context
 from maira_qp.solvers.reference.multi_start import stationarity
 
 ON_LIMIT = 1e-9
@@ -47,38 +46,37 @@ SINGULAR = 1e-6
 """Singular values and curvatures below this share of the largest count as zero."""
 
 
-def dq_dtarget(
-    priorities: Priorities, targets: Mapping[str, pin.SE3], at: Configuration, setting: Setting, reached: bool
-) -> np.ndarray:
+def dq_dtarget(poses: Poses, at: Configuration, context: Context, reached: bool) -> np.ndarray:
     """Derivative (n, 6) of the answer at a configuration by the twist of its target. Raises `SensitivityError`."""
-    cost, wish = priorities.costs(targets)
-    _check(priorities, wish, at, setting)
-    answer = _Answer(cost, tuple(task.target_frame is not None for task in priorities.first), at, setting)
-    if isinstance(wish, Weighted) and (reached or _is_trade_off(cost, wish, at, setting)):
+    problem = context.problem
+    cost, wish = problem.costs(poses)
+    _check(problem, wish, at, context)
+    answer = _Answer(cost, tuple(task.target_frame is not None for task in problem.tasks), at, context)
+    if isinstance(wish, Weighted) and (reached or _is_trade_off(cost, wish, at, context)):
         return answer.of_trade_off(wish)
     if not reached:
         return answer.of_nearest()
     return answer.of_objective(wish.objectives[0]) if isinstance(wish, Strict) else answer.of_pose()
 
 
-def _is_trade_off(cost: TaskCost, wish: Weighted, at: Configuration, setting: Setting) -> bool:
+def _is_trade_off(cost: TaskCost, wish: Weighted, at: Configuration, context: Context) -> bool:
     """The weighted sum is stationary, and not the error alone, as where the search did not reach the pose."""
     trade_off = WeightedCost(cost, wish.objective, wish.weight)
-    return stationarity(trade_off, at, setting) / min(1.0, wish.weight) < stationarity(cost, at, setting)
+    return stationarity(trade_off, at, context) / min(1.0, wish.weight) < stationarity(cost, at, context)
 
 
-def _check(priorities: Priorities, wish: Weighted | Strict | None, at: Configuration, setting: Setting) -> None:
+def _check(problem: Problem, wish: Weighted | Strict | None, at: Configuration, context: Context) -> None:
     """Raises `SensitivityError` for problems whose derivative is not known."""
-    if len(priorities.frames) != 1:
+    if len(problem.frames) != 1:
         raise SensitivityError(
-            f"the derivative is by one target from the call, and the tasks take {len(priorities.frames)}"
+            f"the derivative is by one target from the call, and the tasks take {len(problem.frames)}"
         )
-    if not all(isinstance(task, FrameTask) for task in priorities.first):
+    if not all(isinstance(task, FrameTask) for task in problem.tasks):
         raise SensitivityError("the derivative is known for PoseTask, PositionTask and OrientationTask alone")
     objectives = wish.objectives if isinstance(wish, Strict) else ()
     if any(isinstance(each, LevelObjective) and each.tasks.tasks for each in objectives):
         raise SensitivityError("the derivative is not known for tasks at lower levels, only for objectives there")
-    if (setting.bounds(at).h <= ON_LIMIT).any():
+    if (context.bounds(at).h <= ON_LIMIT).any():
         raise SensitivityError("the derivative is not known on further limits than those of the joints")
 
 
@@ -90,7 +88,7 @@ class _Answer:
     takes_target: tuple[bool, ...]
     """Which of the tasks move with the target"""
     at: Configuration
-    setting: Setting
+    context: Context
 
     def of_trade_off(self, wish: Weighted) -> np.ndarray:
         """Where the weighted sum is least."""
@@ -152,21 +150,21 @@ class _Answer:
     @cached_property
     def _generic_rank(self) -> int:
         """The rank of the tasks' rows where it is not singular: at a configuration that nothing distinguishes."""
-        generic = self.setting.robot.at(np.random.default_rng(0).normal(size=self.at.n))
+        generic = self.context.robot.at(np.random.default_rng(0).normal(size=self.at.n))
         return _rank(self.cost.rows(generic)[0][:, self._movable])
 
     @property
     def _movable(self) -> np.ndarray:
-        return self.setting.robot.lower < self.setting.robot.upper
+        return self.context.robot.lower < self.context.robot.upper
 
     @property
     def _on_limit(self) -> np.ndarray:
-        robot, q = self.setting.robot, self.at.q
+        robot, q = self.context.robot, self.at.q
         return (q <= robot.lower + ON_LIMIT) | (q >= robot.upper - ON_LIMIT)
 
     def _free(self, gradient: np.ndarray, scale: float) -> np.ndarray:
         """The joints (n,) that no limit holds up against a gradient (n,) known to the tolerance times `scale`."""
-        robot, q, known = self.setting.robot, self.at.q, scale * self.setting.options.stationarity_tolerance
+        robot, q, known = self.context.robot, self.at.q, scale * self.context.options.stationarity_tolerance
         held = (q <= robot.lower + ON_LIMIT) & (gradient > known) | (q >= robot.upper - ON_LIMIT) & (gradient < -known)
         return self._movable & ~held
 

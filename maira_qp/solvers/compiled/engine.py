@@ -44,7 +44,8 @@ from maira_qp.orientation import ORTHONORMAL_WITHIN
 from maira_qp.problem.targets import SEED_0, streams
 from maira_qp.robots.model.revolutions import WITHIN
 from maira_qp.solvers.compiled.near_start import NearStart
-from maira_qp.solvers.compiled.problem_arrays import KIND, WEIGHT, WEIGHTED, ChainArrays
+from maira_qp.solvers.compiled.outcomes import Outcomes
+from maira_qp.solvers.compiled.problem_arrays import KIND, WEIGHT, WEIGHTED, ProblemArrays
 from maira_qp.solvers.compiled.thread_pool import NEVER, Progress, in_shares, parts
 from maira_qp.solvers.neighbourhood import TURNINGS
 from maira_qp.solvers.reference.levenberg_marquardt import Budget
@@ -83,17 +84,18 @@ class Asked(NamedTuple):
         return self._replace(starts=self.starts[:0])
 
 
-class Compiled(ChainArrays):
+class Compiled(ProblemArrays):
     """The search and the settling of one problem in compiled code."""
 
     NOT_RIGID = NOT_RIGID
 
     def solve(
         self, T: np.ndarray, q0: np.ndarray | None, seed: np.ndarray
-    ) -> tuple[int, np.ndarray, list[float], list[float]]:
-        """What is wrong, see `kernels.search.multi_start.admit`; q (n,), outcome (9,) for a target T (4, 4) from q0 (n,).
+    ) -> tuple[int, np.ndarray, np.ndarray, list[float], list[float]]:
+        """What is wrong with a target T (4, 4), see `kernels.search.multi_start.admit`; and from q0 (n,), if any:
 
-        Where more was to be done than to reach the pose, there is a second outcome (6,), see `_finish`.
+        the target (1, 12), q (n,), the outcome of the search (9,), and, where more was to be done than to reach the
+        pose, that of the refinement (6,), see `_finish`.
         """
         row, stream = np.empty((1, 12)), np.empty(1, np.uint64)
         q, outcome, after, starts = np.empty((1, self.robot.n)), np.empty((1, OUTCOME)), [], self._starts(q0)
@@ -103,7 +105,7 @@ class Compiled(ChainArrays):
             self.find(asked, q, outcome)
             if self.settles or not outcome[0, SUCCESS] > 0.0:
                 after = self._finish(asked, q, outcome).ravel().tolist()
-        return fault, q[0], outcome[0].tolist(), after
+        return fault, row, q[0], outcome[0].tolist(), after
 
     def _starts(self, q0: np.ndarray | None) -> np.ndarray:
         """Starts (N, n) of a search: q0 (n,) or (N, n), or none of them."""
@@ -402,27 +404,23 @@ class Compiled(ChainArrays):
         seed: np.ndarray,
         threads: int | None,
         progress: Progress | None,
-        q: np.ndarray,
-        put: Callable[[slice, np.ndarray, np.ndarray], object],
-    ) -> None:
-        """As `solve`, for targets (N, 12) from starts (N, n) or None: q (N, n) in place, the outcomes part by part.
-
-        `put` takes the part, its outcomes (k, 7), and second outcomes (k, 6), NaN where nothing was left to do; it is
-        called by several threads.
-        """
+    ) -> Outcomes:
+        """As `solve`, for targets (N, 12) from starts (N, n) or None."""
         shuffled = bool(seed.any())
+        outcomes = Outcomes.empty(len(rows), self.robot.n)
 
         def work(part: slice, halted: Event) -> None:
-            begin, outcome = None if starts is None else starts[part], np.empty((len(rows[part]), OUTCOME))
+            begin, q, outcome = None if starts is None else starts[part], outcomes.q[part], outcomes.search[part]
             asked = Asked(rows[part], self._starts(begin), streams(rows[part], seed), shuffled)
-            self.find(asked, q[part], outcome, halted)
+            self.find(asked, q, outcome, halted)
             if not halted.is_set():
-                put(part, outcome, self._finish(asked, q[part], outcome))
+                outcomes.refinement[part] = self._finish(asked, q, outcome)
 
         in_shares(work, len(rows), SHARE, threads, progress)
+        return outcomes
 
     def attempts(self, asked: Asked, first: int, last: int, q: np.ndarray, outcome: np.ndarray) -> int:
-        """The attempts first, ..., last at the targets, and how many are left open by them: see `kernels.search.multi_start`."""
+        """The attempts first, ..., last at the targets, see `kernels.search.multi_start`; how many are left open."""
         floats, integers = memory_sizes(self.robot.n, last - first + 1)
         return search(
             self.chain,

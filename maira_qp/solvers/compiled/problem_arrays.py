@@ -19,10 +19,9 @@ from maira_qp.kernels.search.levenberg_marquardt import (
     STALL_RATIO,
 )
 from maira_qp.kernels.search.multi_start import FARTHEST_START
-from maira_qp.problem.levels import Priorities
 from maira_qp.problem.objectives import LimitDistance, Posture
-from maira_qp.problem.options import Options
-from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.problem import Problem
+from maira_qp.problem.redundancy import Strict
 from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.robots.model.revolutions import WholeTurns
 from maira_qp.robots.model.robot import Robot
@@ -42,16 +41,30 @@ EXACT = 1e-12
 LEAST_EXACT_DAMPING = 1e-14
 """Its `LEAST_DAMPING`, at the edge of rounding: more would slow it down where singular values are as small."""
 
-# the entries of `ChainArrays.redundancy`, before 2 n more: the reference and the weights of the posture
+# the entries of `ProblemArrays.redundancy`, before 2 n more: the reference and the weights of the posture
 KIND, WEIGHT = 0, 1
 NONE, WEIGHTED, STRICT = 0, 1, 2
 
 
+def unsupported(problem: Problem) -> str:
+    """Why the compiled engine cannot solve a problem, its additional limits aside; empty: it can."""
+    robot, task = problem.robot, problem.tasks[0]
+    if len(problem.tasks) > 1:
+        return "it has more than one task"
+    if not isinstance(task, FrameTask) or task.target is not None:
+        return "its task is none of PoseTask(), PositionTask() and OrientationTask() with a target from the call"
+    if not task.is_even:
+        return "the axes of its task count differently"
+    if task.frame != robot.tip:
+        return "its task is not the tip's"
+    return "" if robot.is_chain else "the robot is no single chain of independent joints"
+
+
 @dataclass(frozen=True)
-class ChainArrays:
+class ProblemArrays:
     """The arrays of one problem, see `maira_qp.kernels`: `chain`, `descent`, `starts`."""
 
-    robot: Robot
+    problem: Problem
     chain: np.ndarray
     """(n + 1, 17)"""
     settings: np.ndarray
@@ -72,19 +85,10 @@ class ChainArrays:
     """Counted to stay near the posture that is wished for, or the middle, where joints have a turn or more"""
 
     @classmethod
-    def of(cls, priorities: Priorities, options: Options) -> Self | str:
-        """The problem's arrays, or the reason why the compiled engine cannot take it."""
-        robot, task = priorities.robot, priorities.first[0]
-        if len(priorities.first) > 1:
-            return "it has more than one task"
-        if not isinstance(task, FrameTask) or task.target is not None:
-            return "its task is none of PoseTask(), PositionTask() and OrientationTask() with a target from the call"
-        if not task.is_even:
-            return "the axes of its task count differently"
-        if task.frame != robot.tip:
-            return "its task is not the tip's"
-        if not robot.is_chain:
-            return "the robot is no single chain of independent joints"
+    def build(cls, problem: Problem) -> Self:
+        """The arrays of a problem that is not `unsupported`."""
+        robot, task, options = problem.robot, problem.tasks[0], problem.options
+        assert isinstance(task, FrameTask)
         weights = task.all_weights
         settings = np.array(
             [
@@ -116,20 +120,20 @@ class ChainArrays:
                 settling.RESOLUTION,
             ]
         )
-        turns, chain = priorities.turns, chain_of(robot)
+        turns, chain = problem.turns, chain_of(robot)
         chain[:-1, START_LOWER], chain[:-1, START_UPPER] = turns.window
         library = starting_library(robot, *turns.window)
-        proofs = Proofs.of(priorities, options)
+        proofs = Proofs.build(problem)
         assert proofs is not None
         return cls(
-            robot,
+            problem,
             chain,
             settings,
             library,
-            library_features(robot, library, settings, priorities.posture),
+            library_features(robot, library, settings, problem.posture),
             options.start_candidates,
             options.max_restarts,
-            None if priorities.below else _posture(robot, priorities.redundancy),
+            _redundancy_row(problem),
             constants,
             proofs,
             turns if turns.everywhere.any() else None,
@@ -138,6 +142,11 @@ class ChainArrays:
     def takes(self, starts: np.ndarray | None) -> bool:
         """Whether the kernels can begin there, at (n,) or (N, n): a continuous joint may have wound up too far."""
         return starts is None or bool(np.abs(starts).max(initial=0.0) <= FARTHEST_START)
+
+    @property
+    def robot(self) -> Robot:
+        """The problem's robot."""
+        return self.problem.robot
 
     @property
     def settles(self) -> bool:
@@ -164,14 +173,20 @@ class ChainArrays:
         chain[:-1, LOWER][joints], chain[:-1, UPPER][joints] = -np.inf, np.inf
         return replace(self, chain=chain)
 
-    def preferring(self, redundancy: Strict) -> Self:
-        """The same with another redundancy, made for the robot."""
-        return replace(self, redundancy=_posture(self.robot, redundancy))
+    def with_problem(self, problem: Problem) -> Self:
+        """The same for a problem that differs in its redundancy or its restarts, as it is searched from a start.
+
+        Where starts are drawn, it is still around the posture of the problem before.
+        """
+        last = problem.options.max_restarts
+        return replace(self, problem=problem, redundancy=_redundancy_row(problem), last_attempt=last)
 
 
-def _posture(robot: Robot, redundancy: Weighted | Strict | None) -> np.ndarray | None:
-    """What `ChainArrays.redundancy` holds of a redundancy that was made for the robot."""
-    kind, weight, posture = NONE, 0.0, Posture().of(robot)
+def _redundancy_row(problem: Problem) -> np.ndarray | None:
+    """What `ProblemArrays.redundancy` holds."""
+    if problem.hierarchy.lower:
+        return None
+    redundancy, kind, weight, posture = problem.redundancy, NONE, 0.0, Posture().of(problem.robot)
     if redundancy is not None:
         objective = redundancy.objectives[0]
         if len(redundancy.objectives) > 1 or not isinstance(objective, (Posture, LimitDistance)):

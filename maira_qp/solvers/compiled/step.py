@@ -22,15 +22,15 @@ from maira_qp.kernels.control.step import tick
 from maira_qp.kernels.control.step_workspace import memory_sizes
 from maira_qp.kernels.spatial.pose_validation import FINE
 from maira_qp.orientation import ORTHONORMAL_WITHIN
-from maira_qp.problem.levels import FARTHEST, Priorities
 from maira_qp.problem.limits.joint import FEASIBILITY
 from maira_qp.problem.objectives import LimitDistance, Objective, Posture
-from maira_qp.problem.options import Options
+from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.costs import LevelObjective, TaskCost
 from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.targets import FARTHEST
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
-from maira_qp.results.solution import StepStatus
+from maira_qp.results.status import StepStatus
 from maira_qp.robots.model.arrays import KinematicTree
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.compiled.task_arrays import known, task_arrays
@@ -67,17 +67,16 @@ class CompiledTick:
     """How many numbers, and of int64, a tick works in"""
 
     @staticmethod
-    def of(priorities: Priorities, options: Options) -> CompiledTick | None:
-        """The problem's arrays; None if the kernel cannot take it."""
-        robot, levels = priorities.robot, _levels(priorities)
-        if robot.kinematics.has_mimic or levels is None:
-            return None
+    def build(problem: Problem) -> CompiledTick:
+        """The arrays of a problem that is not `unsupported`."""
+        robot, options, levels = problem.robot, problem.options, _levels(problem)
+        assert levels is not None
         tree = KinematicTree.of(robot)
-        each = [task_arrays(tree, priorities.frames, task, k) for k, level in enumerate(levels) for task in level.tasks]
+        each = [task_arrays(tree, problem.frames, task, k) for k, level in enumerate(levels) for task in level.tasks]
         rows = sum(count for _, _, count in each) + robot.n * (len(levels) - 1)
         return CompiledTick(
             n=robot.n,
-            frames=priorities.frames,
+            frames=problem.frames,
             needs_velocity=bool(np.isfinite(robot.acceleration_limit).any()),
             tree=tree.joints,
             parents=tree.parents,
@@ -93,7 +92,7 @@ class CompiledTick:
                     FARTHEST * robot.length,
                     FEASIBILITY,
                     np.isfinite(robot.acceleration_limit).any(),
-                    len(priorities.first),
+                    len(problem.tasks),
                     rows,
                     options.level_position_tolerance,
                     options.level_orientation_tolerance,
@@ -170,13 +169,20 @@ class _Level:
     gain: float = 1.0
 
 
-def _levels(priorities: Priorities) -> list[_Level] | None:
+def unsupported(problem: Problem) -> str:
+    """Why the compiled engine cannot take control ticks of a problem, its additional limits aside; empty: it can."""
+    if problem.robot.kinematics.has_mimic:
+        return "a joint mimics another"
+    return "" if _levels(problem) is not None else "a task, objective or level is of a kind that it does not know"
+
+
+def _levels(problem: Problem) -> list[_Level] | None:
     """The levels in falling priority, as in `tick.py`; None if there is one that the kernel does not know."""
-    redundancy = priorities.redundancy
+    redundancy = problem.redundancy
     weighted = (ObjectiveTask(redundancy.objective, redundancy.weight),) if isinstance(redundancy, Weighted) else ()
     strict = redundancy.objectives if isinstance(redundancy, Strict) else ()
-    top, *soft = split_equalities(LevelObjective(TaskCost(priorities.first), weighted))
-    below = [part for level in priorities.below for part in split_equalities(level)]
+    top, *soft = split_equalities(LevelObjective(TaskCost(problem.tasks), weighted))
+    below = [part for level in problem.hierarchy.lower for part in split_equalities(level)]
     levels = [_level(level) for level in (LevelObjective(top.tasks), *soft, *below)]
     if weighted and not soft and levels[0] is not None:
         posture = _posture(weighted[0].objective)

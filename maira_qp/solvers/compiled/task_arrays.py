@@ -66,7 +66,7 @@ def known(tasks: Sequence[Task]) -> bool:
 def task_arrays(
     tree: KinematicTree, frames: Sequence[str], task: Task, level: int
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """A task's row (60 + n,) and its place (7,), see `kernels.control.task_jacobians`, and how many rows of a level it has.
+    """A task's row (60 + n,), its place (7,), how many rows of a level it has: see `kernels.control.task_jacobians`.
 
     `frames` are those whose targets come with the call.
     """

@@ -31,19 +31,20 @@ from maira_qp.analytic.srs.geometry import SRS
 from maira_qp.analytic.srs.optimum import best, best_of_each_arc
 from maira_qp.errors import OptionError
 from maira_qp.kernels.search.multi_start import ORIENTATION_ERROR, POSITION_ERROR
-from maira_qp.problem.levels import Priorities, Targets
 from maira_qp.problem.objectives import Objective, Posture
+from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.costs import TaskCost
 from maira_qp.problem.redundancy import Strict
-from maira_qp.problem.targets import row_of, streams
+from maira_qp.problem.targets import Targets, row_of, streams
 from maira_qp.problem.tasks.frame import PoseTask
 from maira_qp.results.solution_set import ListedSolution, Solutions
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.revolutions import WholeTurns
 from maira_qp.robots.model.robot import Robot, drawn
 from maira_qp.solvers.compiled.engine import Compiled
+from maira_qp.solvers.compiled.problem_arrays import unsupported
 from maira_qp.solvers.enumeration.exhaustive_multi_start import multi_start, new_among
-from maira_qp.solvers.reference.context import Setting
+from maira_qp.solvers.reference.context import Context
 from maira_qp.solvers.reference.levenberg_marquardt import Budget
 from maira_qp.solvers.reference.null_space_sqp import settle
 
@@ -68,8 +69,7 @@ TOO_MANY_TURNS = "of the whole turns within the limits only the nearest are list
 
 
 def all_solutions(
-    priorities: Priorities,
-    setting: Setting,
+    context: Context,
     engine: Compiled | None,
     targets: Targets,
     objective: Objective,
@@ -83,12 +83,12 @@ def all_solutions(
     where whole turns make as many. `engine` None: one is made.
     Raises `OptionError` for tasks, limits and robots whose solutions cannot be listed.
     """
-    task, robot = _listable(priorities, setting, targets), priorities.robot
+    task, robot = _listable(context.problem, targets), context.robot
     srs = SRS.of(robot)
     if srs is not None:
         ranked, are_all = best_of_each_arc(srs, task.target, objective)
         items = [_listed(task, objective, robot, one.q, one.arc, one.psi) for one in ranked]
-        kept = [one for one in items if _is_reached(setting, one.position_error, one.orientation_error)]
+        kept = [one for one in items if context.problem.is_reached(one.position_error, one.orientation_error)]
         reason = ""
         if srs.is_singular(task.target.homogeneous) or len(kept) < len(items):
             reason = "at a singular pose joints turn against each other: one way is listed"
@@ -96,10 +96,11 @@ def all_solutions(
             reason = TOO_MANY_TURNS
         ranking = tuple(sorted(kept, key=lambda one: one.cost))
         return Solutions(ranking, "closed form (S-R-S)", not reason, reason=reason)
-    engine = engine or Compiled.of(priorities, setting.options)  # type: ignore[assignment]
-    if not isinstance(engine, Compiled):
-        raise OptionError(f"solutions cannot be listed: {engine}")
-    enumeration = Enumeration(task, objective, setting, engine.preferring(Strict(objective)), seed, most)
+    ranked_by = context.problem.with_redundancy(Strict(objective))
+    if reason := unsupported(ranked_by):
+        raise OptionError(f"solutions cannot be listed: {reason}")
+    ranking_engine = Compiled.build(ranked_by) if engine is None else engine.with_problem(ranked_by)
+    enumeration = Enumeration(task, objective, context, ranking_engine, seed, most)
     decomposition = Decomposition.of(robot) if enumeration.is_isolated else None
     if decomposition is not None:
         return enumeration.by_branches(decomposition)
@@ -107,30 +108,29 @@ def all_solutions(
 
 
 def nearest_solution(
-    priorities: Priorities,
-    setting: Setting,
+    context: Context,
     engine: Compiled | None,
     targets: Targets,
     posture: Posture,
     seed: np.ndarray,
 ) -> np.ndarray | None:
     """The configuration (n,) of the first of `all_solutions`, ranked by a posture; None where there is none."""
-    srs = SRS.of(priorities.robot)
+    srs = SRS.of(context.robot)
     if srs is not None:
-        found = best(srs, _listable(priorities, setting, targets).target, posture)
+        found = best(srs, _listable(context.problem, targets).target, posture)
         return None if found is None else found.q
     # of whole turns the nearest alone: none is nearer to the posture
-    listed = all_solutions(priorities, setting, engine, targets, posture, seed, posture.q_ref, most=1)
+    listed = all_solutions(context, engine, targets, posture, seed, posture.q_ref, most=1)
     return listed[0].q if listed else None
 
 
-def _listable(priorities: Priorities, setting: Setting, targets: Targets) -> PoseTask:
+def _listable(problem: Problem, targets: Targets) -> PoseTask:
     """The one task, with its target. Raises `OptionError` for others, and for further limits."""
-    robot, task = priorities.robot, priorities.first[0]
-    only = len(priorities.first) == 1 and isinstance(task, PoseTask) and not priorities.below
-    if not only or priorities.frames != (robot.tip,) or not task.kept.all() or setting.further:
+    robot, task = problem.robot, problem.tasks[0]
+    only = len(problem.tasks) == 1 and isinstance(task, PoseTask) and not problem.hierarchy.lower
+    if not only or problem.frames != (robot.tip,) or not task.kept.all() or problem.additional_limits:
         raise OptionError("solutions are those of one PoseTask() of the tip within the joint limits")
-    return task.toward(targets)  # type: ignore[return-value]
+    return task.toward(targets.poses())  # type: ignore[return-value]
 
 
 def _listed(
@@ -141,12 +141,6 @@ def _listed(
     return ListedSolution(at.q.copy(), objective.cost(at), position, orientation, arc, psi, robot.joint_names)
 
 
-def _is_reached(setting: Setting, position: float, orientation: float) -> bool:
-    """Whether errors [m] and [rad] are within the tolerances."""
-    options = setting.options
-    return position <= options.position_tolerance and orientation <= options.orientation_tolerance
-
-
 @dataclass(frozen=True)
 class Enumeration:
     """The solutions of an arm that is not S-R-S."""
@@ -155,7 +149,7 @@ class Enumeration:
     """With its target"""
     objective: Objective
     """What they are ranked by, made for the robot"""
-    setting: Setting
+    context: Context
     engine: Compiled
     """With the objective as its redundancy, if the kernels know it"""
     seed: np.ndarray
@@ -166,7 +160,7 @@ class Enumeration:
     @cached_property
     def is_isolated(self) -> bool:
         """The joints that move do so in as many directions, singular configurations aside."""
-        robot = self.setting.robot
+        robot = self.context.robot
         moving = robot.lower < robot.upper
         J = robot.jacobians(drawn(np.random.default_rng(0), *self.turns.window, RANK_SAMPLES))[:, :, moving]
         J[:, :3] /= robot.length
@@ -175,7 +169,7 @@ class Enumeration:
     @cached_property
     def turns(self) -> WholeTurns:
         """Counted to stay near the posture that is preferred, or the middle of the limits."""
-        robot, objective = self.setting.robot, self.objective
+        robot, objective = self.context.robot, self.objective
         return WholeTurns(robot, objective.q_ref if isinstance(objective, Posture) else robot.middle)
 
     @cached_property
@@ -196,7 +190,7 @@ class Enumeration:
 
     def by_multi_start(self, start: np.ndarray | None) -> Solutions:
         """From descents that begin at random configurations, after a given one (n,)."""
-        robot, turns = self.setting.robot, self.turns
+        robot, turns = self.context.robot, self.turns
         first = np.empty((0, robot.n)) if start is None else robot.clip(turns.unwound(start))[None]
         resolution = APART if self.is_isolated else SETTLED_APART
         found = multi_start(self._arrivals, self._draw, turns.apart, resolution, first)
@@ -218,8 +212,10 @@ class Enumeration:
 
     @cached_property
     def _settling_engine(self) -> Compiled:
-        robot = self.setting.robot
-        return self.engine if self.engine.settles else self.engine.preferring(Strict(Posture().of(robot)))
+        if self.engine.settles:
+            return self.engine
+        problem = self.context.problem
+        return self.engine.with_problem(problem.with_redundancy(Strict(Posture().of(problem.robot))))
 
     def _arrivals(self, starts: np.ndarray) -> np.ndarray:
         """Where starts (N, n) lead, (N, n), within the limits; NaN for those that lead nowhere."""
@@ -243,13 +239,12 @@ class Enumeration:
 
     def _is_reached(self, errors: np.ndarray) -> np.ndarray:
         """Whether errors (N, 2) [m, rad] are within the tolerances (N,)."""
-        options = self.setting.options
-        return np.all(errors <= [options.position_tolerance, options.orientation_tolerance], axis=1)
+        return np.asarray(self.context.problem.is_reached(*errors.T))
 
     def _settled(self, q: np.ndarray) -> np.ndarray:
         """The distinct optima (m, n) of the objective along the self-motions through q (k, n)."""
-        cost, wish, robot = TaskCost((self.task,)), Strict(self.objective), self.setting.robot
-        ends = [settle(wish, cost, robot.at(each), self.setting, Budget(None), self._holds).at.q for each in q]
+        cost, wish, robot = TaskCost((self.task,)), Strict(self.objective), self.context.robot
+        ends = [settle(wish, cost, robot.at(each), self.context, Budget(None), self._holds).at.q for each in q]
         settled = np.reshape(ends, q.shape)
         return settled[new_among(settled, q[:0], self.turns.apart, SETTLED_APART)]
 
@@ -258,7 +253,7 @@ class Enumeration:
 
     def _doubt(self, branches: np.ndarray, q: np.ndarray) -> str:
         """Why branches (k, 6), and the solutions (m, 6) that are made of them, may not be all; empty: they are."""
-        robot, balance = self.setting.robot, 0.0
+        robot, balance = self.context.robot, 0.0
         if not len(branches) and not self.engine.proofs.unreachable(self._row[None])[0]:
             return "the closed form has no solution, and it is not proved that there is none"
         for k, at in enumerate(robot.at(each) for each in (*branches, *q)):
@@ -273,7 +268,7 @@ class Enumeration:
         self, q: np.ndarray, method: str, reason: str, starts: int = 0, starts_without_new: int = 0
     ) -> Solutions:
         """The list of solutions q (k, n), the whole turns of isolated ones added; the reason why it may not be all."""
-        robot = self.setting.robot
+        robot = self.context.robot
         if self.is_isolated:
             q, all_of_them = self.turns.all_within(q, self.most)
             reason = reason or ("" if all_of_them else TOO_MANY_TURNS)

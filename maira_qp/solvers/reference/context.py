@@ -1,4 +1,4 @@
-"""What stays the same through one solve: the robot, its limits, who solves the QPs, the options."""
+"""Per-solve context of the reference engine: a problem, its limits as one set, and the QP backend."""
 
 from __future__ import annotations
 
@@ -12,15 +12,13 @@ from maira_qp.errors import OptionError
 from maira_qp.problem.limits.joint import (
     FEASIBILITY,
     KEPT,
-    AccelerationLimit,
     Bounds,
     Limit,
-    PositionLimit,
     Tick,
-    VelocityLimit,
     merge,
 )
 from maira_qp.problem.options import Options
+from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.backends import Backend
 from maira_qp.problem.qp.hierarchy import Level, solve_hierarchy
 from maira_qp.problem.qp.qp import QP
@@ -48,41 +46,51 @@ IMPROVING = 0.999
 
 
 @dataclass(frozen=True)
-class Setting:
-    """The surroundings of a solve."""
+class Context:
+    """A problem with who solves its QPs: what one solve shares, and its limits as one set."""
 
-    robot: Robot
-    further: tuple[Limit, ...]
-    """The limits beside those of the joints"""
-    start_range: tuple[np.ndarray, np.ndarray]
-    """What starts of a search are drawn from, (n,) and (n,) [rad or m]"""
+    problem: Problem
     backend: Backend
-    options: Options
+    narrowed: tuple[np.ndarray, np.ndarray] | None = None
+    """What starts of a search are drawn from, (n,) and (n,) [rad or m]; None: the problem's own"""
+
+    @property
+    def robot(self) -> Robot:
+        """The problem's robot."""
+        return self.problem.robot
+
+    @property
+    def options(self) -> Options:
+        """The problem's options."""
+        return self.problem.options
+
+    @property
+    def further(self) -> tuple[Limit, ...]:
+        """The problem's limits beside those of the joints."""
+        return self.problem.additional_limits
+
+    def with_limits(self, limits: tuple[Limit, ...]) -> Context:
+        """The same with other limits beside those of the joints."""
+        return replace(self, problem=replace(self.problem, additional_limits=limits))
 
     @cached_property
-    def limits(self) -> tuple[Limit, ...]:
-        """All limits, those of the joints first."""
-        robot = self.robot
-        return (
-            AccelerationLimit(robot.acceleration_limit),
-            PositionLimit(robot.lower, robot.upper, robot.acceleration_limit),
-            VelocityLimit(robot.velocity_limit),
-            *self.further,
-        )
+    def sampling_range(self) -> tuple[np.ndarray, np.ndarray]:
+        """What starts of a search are drawn from, (n,) and (n,) [rad or m]."""
+        return self.problem.turns.window if self.narrowed is None else self.narrowed
 
     @cached_property
     def long_slides(self) -> np.ndarray:
         """Slides (n,) that are sampled in part only."""
-        first, last = self.start_range
+        first, last = self.sampling_range
         return self.robot.slides & ((first > self.robot.lower) | (last < self.robot.upper))
 
     def random_start(self, rng: np.random.Generator) -> np.ndarray:
         """A configuration (n,) to start from, uniform within the range."""
-        return drawn(rng, *self.start_range)
+        return drawn(rng, *self.sampling_range)
 
     def bounds(self, at: Configuration, tick: Tick | None = None) -> Bounds:
         """All limits on a displacement from a configuration, in a tick if given."""
-        return merge(self.limits, at, tick, RESERVE if tick is None else 0.0)
+        return merge(self.problem.limits, at, tick, RESERVE if tick is None else 0.0)
 
     def standing(self, at: Configuration) -> Bounds:
         """The same where no time passes, with limits that the configuration stands on at no distance."""
@@ -149,16 +157,6 @@ class Setting:
         is_kept = violation <= KEPT and not (h < -KEPT).any()
         return 0.0 if is_kept else max(_half_squares(h), 0.5 * violation**2)
 
-    def broken_limits(self, at: Configuration) -> dict[str, float]:
-        """What a configuration breaks of the limits beside those of the joints, by name, and by how much."""
-        found: dict[str, float] = {}
-        kinds = [type(limit).__name__ for limit in self.further]
-        for i, (limit, kind) in enumerate(zip(self.further, kinds, strict=True)):
-            name = kind if kinds.count(kind) == 1 else f"{kind} {kinds[: i + 1].count(kind)}"
-            for part, amount in limit.broken(at, name).items():
-                found[part] = max(amount, found.get(part, 0.0))
-        return found
-
     def keeps(self, trial: Configuration, at: Configuration) -> bool:
         """A trial breaks no bent limit more than a configuration did."""
         return not self.is_bent or self.violation(trial) <= self.violation(at)
@@ -202,7 +200,7 @@ class Setting:
     def check(self) -> None:
         """Raises `OptionError` if the linear limits leave nothing."""
         linear = tuple(limit for limit in self.further if limit.is_linear)
-        replace(self, further=linear).admitted(self.robot.middle)
+        self.with_limits(linear).admitted(self.robot.middle)
 
     def admitted(self, q: np.ndarray) -> np.ndarray:
         """The configuration (n,) within all limits that is nearest to q (n,); of bent limits one that is near.

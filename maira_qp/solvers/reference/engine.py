@@ -1,28 +1,30 @@
-"""The general engine of a solve: any tasks, any limits, any QP backend; and what the compiled engine leaves to it.
+"""The reference engine of a solve: any tasks, any limits, any QP backend; and what the compiled engine leaves to it.
 
-A search over starts reaches the tasks (search.py, screening.py, descent.py), the redundancy is settled on the
-self-motion (settling.py), and the verdict is read off a fresh forward kinematics of the configuration that is returned.
+A search over starts reaches the tasks (multi_start.py, constraint_screening.py, levenberg_marquardt.py), the redundancy
+is settled on the self-motion (null_space_sqp.py), and the verdict is read off a fresh forward kinematics of the
+configuration that is returned.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from maira_qp.problem.levels import Priorities, Targets
+from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.costs import TaskCost, tasks_toward
 from maira_qp.problem.redundancy import Strict, Weighted
-from maira_qp.problem.targets import row_of, streams
-from maira_qp.results.solution import Solution, Status
+from maira_qp.problem.targets import Poses, Targets, poses_of, streams
+from maira_qp.results.solution import Solution
+from maira_qp.results.status import status_of
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.solvers.limbs import search_limbs
 from maira_qp.solvers.neighbourhood import TURNINGS, is_closer, turned
-from maira_qp.solvers.reference.context import Setting
+from maira_qp.solvers.reference.context import Context
 from maira_qp.solvers.reference.levenberg_marquardt import Budget, Descent
 from maira_qp.solvers.reference.multi_start import (
     Reached,
@@ -44,15 +46,19 @@ TOGETHER = 30
 
 
 @dataclass(frozen=True)
-class General:
-    """What is asked, and who helps to find it."""
+class ReferenceEngine:
+    """The context of a problem, and the compiled engine where it helps."""
 
-    priorities: Priorities
-    setting: Setting
+    context: Context
     compiled: Compiled | None
     """Searches in compiled code, where it can"""
     screening: Compiled | None
     """Knows all but the further limits, where that is what is missing"""
+
+    @property
+    def problem(self) -> Problem:
+        """What is solved."""
+        return self.context.problem
 
     def solve(
         self,
@@ -62,17 +68,17 @@ class General:
         observe: Callable[[np.ndarray], object] | None = None,
     ) -> Solution:
         """Search, then settle and judge."""
-        budget = Budget(self.setting.options.deadline, observe)
-        cost, wish = self.priorities.costs(targets)
+        problem, poses, rows = self.problem, targets.poses(), targets.rows
+        budget = Budget(problem.options.deadline, observe)
+        cost, wish = problem.costs(poses)
         reached = self.reached(cost)
-        start = None if q0 is None else self.setting.admitted(q0)
-        rows = np.array([[row_of(pose) for pose in targets.values()]]).reshape(1, -1, 12)
+        start = None if q0 is None else self.context.admitted(q0)
         stream = streams(rows, seed)
         rng = lambda: np.random.default_rng(int(stream[0]))  # noqa: E731
         found, sought = None, cost
-        if len(self.priorities.all_tasks) > len(self.priorities.first):
-            everything = tasks_toward(self.priorities.all_tasks, targets)
-            together = search_limbs(everything, start, self.setting, budget, rng, self.reached, TOGETHER)
+        if len(problem.hierarchy.all_tasks) > len(problem.tasks):
+            everything = tasks_toward(problem.hierarchy.all_tasks, poses)
+            together = search_limbs(everything, start, self.context, budget, rng, self.reached, TOGETHER)
             if start is not None and together.left and together.best.reached:
                 found = self._met_nearby(cost, everything, wish, start, budget)
             if found is None and together.best.reached:
@@ -82,21 +88,21 @@ class General:
         elif found is None and self.screening is not None and observe is None:
             found = self._screened(cost, start, rows[0, 0], budget, rng(), reached)
         elif found is None:
-            hopeless = lambda: self._is_hopeless(targets)  # noqa: E731
-            found = search_limbs(cost, start, self.setting, budget, rng, self.reached, is_hopeless=hopeless)
-        is_felt_below = sought is cost and bool(self.priorities.below)
-        if start is None and (self.priorities.posture is not None or not is_felt_below):
+            hopeless = lambda: self._is_hopeless(poses)  # noqa: E731
+            found = search_limbs(cost, start, self.context, budget, rng, self.reached, is_hopeless=hopeless)
+        is_felt_below = sought is cost and bool(problem.hierarchy.lower)
+        if start is None and (problem.posture is not None or not is_felt_below):
             found = replace(found, best=self._unwound(found.best, sought))
-        return self._finish(found, cost, wish, reached, budget, targets, q0, start)
+        return self._finish(found, cost, wish, reached, budget, rows[0], q0, start)
 
     def _met_nearby(
         self, cost: TaskCost, everything: TaskCost, wish: Weighted | Strict | None, start: np.ndarray, budget: Budget
     ) -> Search | None:
         """From a start to the first level and from there to those below it, if that meets the tasks of all levels."""
-        near = follow(cost, self.setting.robot.at(start), self.setting, budget, self.reached(cost))
+        near = follow(cost, self.context.robot.at(start), self.context, budget, self.reached(cost))
         if not near.reached or wish is None:
             return None
-        settled = settle(wish, cost, near.end.at, self.setting, budget, self.reached(cost))
+        settled = settle(wish, cost, near.end.at, self.context, budget, self.reached(cost))
         return Search(near.end, 0) if self.reached(everything)(settled.at) else None
 
     def _screened(
@@ -114,48 +120,47 @@ class General:
         assert self.screening is not None
         near = None
         if start is not None:
-            near = follow(cost, self.setting.robot.at(start), self.setting, budget, reached)
+            near = follow(cost, self.context.robot.at(start), self.context, budget, reached)
             if near.reached or budget.late():
                 return Search(near.end, 0, False, near.left, near.steady)
-        found = screen(self.screening, row, cost, self.setting, budget, rng, reached, start)
-        return found if near is None else better_of(near, found, cost, self.setting, budget, reached)
+        found = screen(self.screening, row, cost, self.context, budget, rng, reached, start)
+        return found if near is None else better_of(near, found, cost, self.context, budget, reached)
 
     def _unwound(self, best: Descent, sought: TaskCost) -> Descent:
         """The same with each joint at the whole turn nearest to the posture, or to the middle, if it reaches what was
         sought there."""
-        turns = self.priorities.turns
+        turns = self.problem.turns
         if not turns.everywhere.any():
             return best
-        at = self.setting.robot.at(turns.within(best.at.q[None])[0])
-        is_there = best.reached and self.reached(sought)(at) and not self.setting.broken(at)
+        at = self.context.robot.at(turns.within(best.at.q[None])[0])
+        is_there = best.reached and self.reached(sought)(at) and not self.context.broken(at)
         return Descent(at, sought.value(at), True) if is_there else best
 
-    def finish(self, q: np.ndarray, outcome: list[float], targets: Targets, q0: np.ndarray | None = None) -> Solution:
-        """From what the compiled search from q0 left in q (n,) and outcome (9,)."""
-        cost, wish = self.priorities.costs(targets)
-        found = found_by_kernel(self.setting.robot, q, outcome)
+    def finish(
+        self, q: np.ndarray, outcome: Sequence[float], target: np.ndarray, q0: np.ndarray | None = None
+    ) -> Solution:
+        """From what the compiled search for a target (K, 12) from q0 left in q (n,) and outcome (9,)."""
+        cost, wish = self.problem.costs(poses_of(self.problem.frames, target))
+        found = found_by_kernel(self.context.robot, q, outcome)
         budget = Budget(None, iterations=int(outcome[2]))
-        start = None if q0 is None else self.setting.robot.clip(q0)
-        return self._finish(found, cost, wish, self.reached(cost), budget, targets, q0, start)
+        start = None if q0 is None else self.context.robot.clip(q0)
+        return self._finish(found, cost, wish, self.reached(cost), budget, target, q0, start)
 
     @cached_property
     def _proofs(self) -> Proofs | None:
         from maira_qp.solvers.certificates import Proofs  # heavy: Numba comes with it
 
-        return Proofs.of(self.priorities, self.setting.options) if self.compiled is None else self.compiled.proofs
+        return Proofs.build(self.problem) if self.compiled is None else self.compiled.proofs
 
-    def _is_hopeless(self, targets: Targets) -> bool:
-        """It is proved that the targets cannot be reached."""
-        return self._proofs is not None and self._proofs.proof(targets) is not None
+    def _is_hopeless(self, poses: Poses) -> bool:
+        """It is proved that the target cannot be reached."""
+        return self._proofs is not None and self._proofs.proof(poses) is not None
 
     def reached(self, cost: TaskCost) -> Reached:
         """Whether a configuration counts as there: the tasks within their tolerances, and further limits kept."""
-        options = self.setting.options
 
         def reached(at: Configuration) -> bool:
-            position, orientation = residual(cost, at)
-            near = position <= options.position_tolerance and orientation <= options.orientation_tolerance
-            return near and not self.setting.broken(at)
+            return bool(self.problem.is_reached(*residual(cost, at))) and not self.context.broken(at)
 
         return reached
 
@@ -166,11 +171,11 @@ class General:
         if best.broken:  # nothing was minimised but what is broken
             return best.at, math.nan
         if not best.reached:
-            at = nearest(cost, best, self.setting, budget).at
-            return at, stationarity(cost, at, self.setting)
+            at = nearest(cost, best, self.context, budget).at
+            return at, stationarity(cost, at, self.context)
         if wish is None:
             return best.at, math.nan
-        settled = settle(wish, cost, best.at, self.setting, budget, reached)
+        settled = settle(wish, cost, best.at, self.context, budget, reached)
         return settled.at, settled.projected_gradient
 
     def _refined_at_turns(
@@ -183,11 +188,11 @@ class General:
         start: np.ndarray | None,
     ) -> tuple[Configuration, float]:
         """The same with joints at the whole turns nearest to a start (n,), or without to the posture wished for."""
-        near = self.priorities.turns.aim if start is None else start
+        near = self.problem.turns.aim if start is None else start
         costs = [cost.value, *(objective.cost for objective in (() if wish is None else wish.objectives))]
         at, gradient = self._refined(best, cost, wish, reached, budget)
         for _ in range(TURNINGS):
-            nearer = turned(at, near, self.setting, costs)
+            nearer = turned(at, near, self.context, costs)
             if nearer is at:
                 break
             best = replace(best, at=nearer, cost=cost.value(nearer))  # limits that held joints up may be a turn away
@@ -201,7 +206,7 @@ class General:
         wish: Weighted | Strict | None,
         reached: Reached,
         budget: Budget,
-        targets: Targets,
+        target: np.ndarray,
         q0: np.ndarray | None,
         start: np.ndarray | None,
     ) -> Solution:
@@ -209,22 +214,22 @@ class General:
 
         `start` (n,) is q0 (n,) within the limits.
         """
-        setting, tolerance = self.setting, self.setting.options.stationarity_tolerance
+        context, tolerance = self.context, self.context.options.stationarity_tolerance
         at, gradient = self._refined_at_turns(found.best, cost, wish, reached, budget, start)
         near = found.near if isinstance(wish, Weighted) else None
-        if near is not None and not is_closer(cost.value(at), near.cost, cost, setting.options):
+        if near is not None and not is_closer(cost.value(at), near.cost, cost, context.options):
             found = replace(found, best=near, left=False)  # what it was left for is no better once traded off
             at, gradient = self._refined_at_turns(near, cost, wish, reached, budget, start)
-        fresh = self.setting.robot.at(self.setting.robot.clip(at.q))
+        fresh = self.context.robot.at(self.context.robot.clip(at.q))
         success = reached(fresh)
         position, orientation = residual(cost, fresh)
         optimal = gradient <= tolerance or (success and wish is None)
-        stalled = Status.UNREACHABLE if found.proved else Status.NEAREST if optimal else Status.BUDGET_SPENT
-        stalled = Status.LIMITS_BROKEN if setting.broken(fresh) else stalled
         return Solution(
             q=fresh.q.copy(),
             success=success,
-            status=Status.CONVERGED if success else stalled,
+            status=status_of(
+                reached=success, breaks_limits=context.broken(fresh) > 0, proved=found.proved, stationary=optimal
+            ),
             position_error=position,
             orientation_error=orientation,
             iterations=budget.iterations,
@@ -235,10 +240,9 @@ class General:
             start_projected=start is not None and bool((start != q0).any()),
             target_deviation=0.0,
             left_q0=found.left,
-            backend=self.setting.backend.name if self.compiled is None else "compiled",
+            backend=self.context.backend.name if self.compiled is None else "compiled",
             _start=None if q0 is None else q0.copy(),
-            _setting=self.setting,
-            _asked=(self.priorities, targets),
+            _target=target,
         )
 
 

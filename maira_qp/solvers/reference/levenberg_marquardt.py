@@ -20,7 +20,7 @@ import numpy as np
 from maira_qp.problem.qp.costs import Cost
 from maira_qp.problem.qp.hierarchy import Level, solve_hierarchy
 from maira_qp.robots.model.configuration import Configuration
-from maira_qp.solvers.reference.context import Setting
+from maira_qp.solvers.reference.context import Context
 
 ACCEPTED, REFUSED = 0.3, 8.0
 """What an accepted and a refused step do to the damping factor."""
@@ -99,7 +99,7 @@ class Stall:
 def descend(
     cost: Cost,
     start: Configuration,
-    setting: Setting,
+    context: Context,
     budget: Budget,
     *,
     reached: Callable[[Configuration], bool],
@@ -109,7 +109,7 @@ def descend(
 ) -> Descent:
     """Lower the cost from a start until `reached`, or stalled, or out of iterations or time, or at a fixed point.
 
-    No step breaks a limit, or breaks one further; to come back within limits is `Setting.admitted`'s. No step moves a
+    No step breaks a limit, or breaks one further; to come back within limits is `Context.admitted`'s. No step moves a
     joint by more than `longest` [rad or m].
     """
     at, factor = start, 1.0
@@ -117,13 +117,13 @@ def descend(
     budget.visit(at)
     for _ in range(max_iterations):
         if reached(at):
-            return Descent(at, level.cost, True, setting.broken(at))
+            return Descent(at, level.cost, True, context.broken(at))
         if budget.late():
             break
         budget.iterations += 1
-        trial = _trial(cost, level, factor, at, setting, longest)
+        trial = _trial(cost, level, factor, at, context, longest)
         value = np.inf if trial is None else cost.value(trial)
-        if trial is not None and value - level.cost < _recovered(level, trial, at, setting):
+        if trial is not None and value - level.cost < _recovered(level, trial, at, context):
             before, at = level.cost, trial
             level = cost.level(at)
             budget.visit(at)
@@ -136,37 +136,37 @@ def descend(
             factor *= REFUSED
             if factor > FACTOR_RANGE[1]:
                 break
-    return Descent(at, level.cost, reached(at), setting.broken(at))
+    return Descent(at, level.cost, reached(at), context.broken(at))
 
 
-def _recovered(level: Level, trial: Configuration, at: Configuration, setting: Setting) -> float:
+def _recovered(level: Level, trial: Configuration, at: Configuration, context: Context) -> float:
     """What a trial may cost as it gives back of the limits' reserve: the exact penalty of what is taken of it.
 
     A configuration in the reserve would else cost less than any that keeps it. (Nocedal and Wright, section 15.4.)
     """
-    if not setting.is_bent:
+    if not context.is_bent:
         return 0.0
-    taken = setting.encroachment(at) - setting.encroachment(trial)
+    taken = context.encroachment(at) - context.encroachment(trial)
     return 2.0 * float(np.linalg.norm(level.c)) * taken
 
 
 def _trial(
-    cost: Cost, level: Level, factor: float, at: Configuration, setting: Setting, longest: float
+    cost: Cost, level: Level, factor: float, at: Configuration, context: Context, longest: float
 ) -> Configuration | None:
     """The configuration after one QP step, inside the limits; None if there is none."""
     least = LEAST_DAMPING * float(np.abs(level.H).max())
-    mu = factor * setting.options.damping * level.squared_error + max(1.0, factor) * least
+    mu = factor * context.options.damping * level.squared_error + max(1.0, factor) * least
     model = level.damped(mu)
-    bounds = setting.bounds(at) if longest == np.inf else setting.bounds(at).within(longest)
-    dq = solve_hierarchy([model], bounds, setting.backend)
+    bounds = context.bounds(at) if longest == np.inf else context.bounds(at).within(longest)
+    dq = solve_hierarchy([model], bounds, context.backend)
     if dq is None:
         return None
-    trial = setting.moved(at, dq)
-    if setting.is_bent and (bounds.G @ dq >= bounds.h - ALONG).any():
+    trial = context.moved(at, dq)
+    if context.is_bent and (bounds.G @ dq >= bounds.h - ALONG).any():
         # second-order corrections: along a curved limit a step leaves it, to either side, and may cost more than it
         # gains (the Maratos effect: Nocedal and Wright, section 18.3)
         for _ in range(CORRECTIONS):
-            trial = setting.best_within(model.H, cost.gradient(trial), trial) or trial
-    if not setting.keeps(trial, at):  # a bent limit: along it, and back onto it
-        trial = setting.robot.at(setting.admitted(trial.q))
-    return trial if setting.keeps(trial, at) else None
+            trial = context.best_within(model.H, cost.gradient(trial), trial) or trial
+    if not context.keeps(trial, at):  # a bent limit: along it, and back onto it
+        trial = context.robot.at(context.admitted(trial.q))
+    return trial if context.keeps(trial, at) else None

@@ -30,7 +30,7 @@ from maira_qp.problem.qp.hierarchy import projected_gradient, solve_hierarchy
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks.limit import LimitTask
 from maira_qp.robots.model.configuration import Configuration
-from maira_qp.solvers.reference.context import Setting
+from maira_qp.solvers.reference.context import Context
 from maira_qp.solvers.reference.levenberg_marquardt import Budget, descend
 from maira_qp.solvers.reference.multi_start import stationarity
 
@@ -71,27 +71,27 @@ def settle(
     redundancy: Weighted | Strict,
     cost: TaskCost,
     at: Configuration,
-    setting: Setting,
+    context: Context,
     budget: Budget,
     reached: Callable[[Configuration], bool],
 ) -> Settled:
     """From a configuration that reaches the pose to the optimum of the redundancy near it."""
     objectives: tuple[Objective, ...] = redundancy.objectives
     settled = Settled(at, 0.0)
-    cost, setting = _wishes_held(cost, setting)
+    cost, context = _wishes_held(cost, context)
     while objectives:
         met = _tasks_alone(objectives[0])
-        settled = _Walk(cost, objectives if met is None else objectives[:1], setting, budget, reached).run(settled.at)
+        settled = _Walk(cost, objectives if met is None else objectives[:1], context, budget, reached).run(settled.at)
         if met is None:
             break
         if met.value(settled.at) > MET:  # it stays an objective, and so do those below it
-            settled = _Walk(cost, objectives, setting, budget, reached).run(settled.at)
+            settled = _Walk(cost, objectives, context, budget, reached).run(settled.at)
             break
-        met, setting = _wishes_held(met, setting)
+        met, context = _wishes_held(met, context)
         cost, objectives = TaskCost((*cost.tasks, *met.tasks)), objectives[1:]
-        settled = replace(settled, at=_restored(cost, settled.at, setting, budget, reached) or settled.at)
+        settled = replace(settled, at=_restored(cost, settled.at, context, budget, reached) or settled.at)
     if isinstance(redundancy, Weighted):
-        return _trade_off(WeightedCost(cost, redundancy.objective, redundancy.weight), settled.at, setting, budget)
+        return _trade_off(WeightedCost(cost, redundancy.objective, redundancy.weight), settled.at, context, budget)
     return settled
 
 
@@ -115,32 +115,32 @@ def _tasks_alone(objective: Objective) -> TaskCost | None:
     return objective.tasks if isinstance(objective, LevelObjective) and not objective.objectives else None
 
 
-def _wishes_held(cost: TaskCost, setting: Setting) -> tuple[TaskCost, Setting]:
-    """The tasks without the limits among them, which are kept, and a setting in which they are limits."""
+def _wishes_held(cost: TaskCost, context: Context) -> tuple[TaskCost, Context]:
+    """The tasks without the limits among them, which are kept, and a context in which they are limits."""
     wishes = tuple(_Held(task.limit) for task in cost.tasks if isinstance(task, LimitTask))
-    return (cost.without_wishes(), replace(setting, further=(*setting.further, *wishes))) if wishes else (cost, setting)
+    return (cost.without_wishes(), context.with_limits((*context.further, *wishes))) if wishes else (cost, context)
 
 
 def _restored(
-    cost: TaskCost, at: Configuration, setting: Setting, budget: Budget, reached: Callable[[Configuration], bool]
+    cost: TaskCost, at: Configuration, context: Context, budget: Budget, reached: Callable[[Configuration], bool]
 ) -> Configuration | None:
     """The configuration brought back onto the pose; None where that fails."""
-    end = descend(cost, at, setting, budget, reached=lambda at: cost.value(at) <= RESTORED, max_iterations=RESTORING)
+    end = descend(cost, at, context, budget, reached=lambda at: cost.value(at) <= RESTORED, max_iterations=RESTORING)
     return end.at if reached(end.at) else None
 
 
-def _trade_off(cost: WeightedCost, at: Configuration, setting: Setting, budget: Budget) -> Settled:
+def _trade_off(cost: WeightedCost, at: Configuration, context: Context, budget: Budget) -> Settled:
     """Descend the weighted sum to where its gradient, in units of the objective, vanishes."""
-    tolerance = setting.options.stationarity_tolerance * min(1.0, cost.weight)
+    tolerance = context.options.stationarity_tolerance * min(1.0, cost.weight)
     end = descend(
         cost,
         at,
-        setting,
+        context,
         budget,
-        reached=lambda at: stationarity(cost, at, setting) <= tolerance,
-        max_iterations=setting.options.max_settling,
+        reached=lambda at: stationarity(cost, at, context) <= tolerance,
+        max_iterations=context.options.max_settling,
     )
-    return Settled(end.at, stationarity(cost, end.at, setting))
+    return Settled(end.at, stationarity(cost, end.at, context))
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ class _Walk:
 
     cost: TaskCost
     objectives: tuple[Objective, ...]
-    setting: Setting
+    context: Context
     budget: Budget
     reached: Callable[[Configuration], bool]
 
@@ -157,11 +157,11 @@ class _Walk:
         """Steps until no objective can fall any more."""
         at = self._restored(at) or at
         radius = FIRST_RADIUS
-        for _ in range(self.setting.options.max_settling):
+        for _ in range(self.context.options.max_settling):
             if self._is_optimal(at) or self.budget.late():
                 break
             dq = self._step(at, radius)
-            trial = self._regained(self.setting.moved(at, dq), at)
+            trial = self._regained(self.context.moved(at, dq), at)
             if trial is not None and self._better(trial, at):
                 radius = 2 * radius if np.abs(dq).max() > 0.9 * radius else radius
                 at = trial
@@ -176,7 +176,7 @@ class _Walk:
 
         The multipliers depend on which limits hold the arm, and these on the step: it is taken twice where they differ.
         """
-        limits = self.setting.bounds(at)
+        limits = self.context.bounds(at)
         held = limits.held
         dq = self._step_with(held, at, limits.within(radius))
         holding = (dq <= limits.lower) | (dq >= limits.upper)
@@ -187,7 +187,7 @@ class _Walk:
         self.budget.iterations += 1
         pose, *below = strict_levels(self.cost.level(at), self.cost, self.objectives, at, held)
         regained = replace(pose, c=np.zeros_like(pose.c))  # to 1e-11: what is left is not worth a displacement
-        dq = solve_hierarchy([regained, *below], bounds, self.setting.backend)
+        dq = solve_hierarchy([regained, *below], bounds, self.context.backend)
         return np.zeros_like(at.q) if dq is None else dq
 
     def _regained(self, trial: Configuration, at: Configuration) -> Configuration | None:
@@ -196,15 +196,15 @@ class _Walk:
         Along a bent limit every step leaves it by the second order.
         """
         for _ in range(REGAINING):
-            within = trial if self.setting.keeps(trial, at) else self.setting.robot.at(self.setting.admitted(trial.q))
+            within = trial if self.context.keeps(trial, at) else self.context.robot.at(self.context.admitted(trial.q))
             back = self._restored(within)
-            if back is None or self.setting.keeps(back, at):
+            if back is None or self.context.keeps(back, at):
                 return back
             trial = back
         return None
 
     def _restored(self, at: Configuration) -> Configuration | None:
-        return _restored(self.cost, at, self.setting, self.budget, self.reached)
+        return _restored(self.cost, at, self.context, self.budget, self.reached)
 
     def _better(self, trial: Configuration, at: Configuration) -> bool:
         """The first objective to differ by more than rounding is lower in the trial, or, if none, its gradient is.
@@ -213,7 +213,7 @@ class _Walk:
         """
         rows, error = self.cost.rows(at)
         regained = self.cost.rows(trial)[1] - error
-        held = self.setting.bounds(trial).held
+        held = self.context.bounds(trial).held
         last = len(self.objectives) - 1
         for k, objective in enumerate(self.objectives):
             before = objective.cost(at)
@@ -224,10 +224,10 @@ class _Walk:
 
     def _projected_gradient(self, at: Configuration, priority: int) -> float:
         """Largest entry of an objective's gradient that the limits, the pose and the objectives above leave free."""
-        bounds = self.setting.standing(at)
+        bounds = self.context.standing(at)
         above = strict_levels(self.cost.level(at), self.cost, self.objectives[:priority], at, bounds.held)
-        return projected_gradient(self.objectives[priority].gradient(at), above, bounds, self.setting.backend)
+        return projected_gradient(self.objectives[priority].gradient(at), above, bounds, self.context.backend)
 
     def _is_optimal(self, at: Configuration) -> bool:
-        tolerance = self.setting.options.stationarity_tolerance
+        tolerance = self.context.options.stationarity_tolerance
         return all(self._projected_gradient(at, k) <= tolerance for k in range(len(self.objectives)))

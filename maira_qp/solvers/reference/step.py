@@ -41,10 +41,10 @@ from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks.limit import LimitTask
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
-from maira_qp.results.solution import StepStatus
+from maira_qp.results.status import StepStatus
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.robot import Robot
-from maira_qp.solvers.reference.context import Setting
+from maira_qp.solvers.reference.context import Context
 from maira_qp.solvers.reference.step_models import LEAST_DAMPING, Reach, TickModel, is_near, tick_models
 
 HALVINGS = 12
@@ -116,7 +116,7 @@ def tick(
     cost: TaskCost,
     redundancy: Weighted | Strict | None,
     at: Configuration,
-    setting: Setting,
+    context: Context,
     now: Tick,
     deadline: float | None = None,
     keep_direction: bool = False,
@@ -129,25 +129,25 @@ def tick(
     the first level to what the limits allow.
     """
     end = None if deadline is None else time.monotonic() + deadline
-    robot, bounds = setting.robot, setting.bounds(at, now)
-    models = _models(cost, redundancy, at, setting, now, bounds)
+    robot, bounds = context.robot, context.bounds(at, now)
+    models = _models(cost, redundancy, at, context, now, bounds)
     if keep_direction:
         first = LevelObjective(cost, _weighted(redundancy))
         count = len(split_equalities(first))
         models = [*_directed(first, models[:count], at, now), *models[count:]]
-    models = [*_back_inside(at, setting, bounds), *_bent_along_wishes(models, cost, at, setting)]
+    models = [*_back_inside(at, context, bounds), *_bent_along_wishes(models, cost, at, context)]
     levels = [model.level for model in models]
     if np.isfinite(robot.acceleration_limit).any():
-        levels = _slowed(levels, at, setting, now)
-    displacements = solve_each_level(levels, bounds, setting.backend, end)
-    dq = np.clip(_safe(models, at, displacements, setting, bounds, now), bounds.lower, bounds.upper)
+        levels = _slowed(levels, at, context, now)
+    displacements = solve_each_level(levels, bounds, context.backend, end)
+    dq = np.clip(_safe(models, at, displacements, context, bounds, now), bounds.lower, bounds.upper)
     inside = (at.q >= robot.lower) & (at.q <= robot.upper)
     q = np.where(inside, np.clip(at.q + dq, robot.lower, robot.upper), at.q + dq)
     velocity = np.clip(dq / now.dt, -robot.velocity_limit, robot.velocity_limit)
     wanted = displacements[-1] if displacements else np.full(at.n, np.inf)
     gradient = max((model.model.gradient for model in models if model.tasks), default=0.0)
     tasks = [task for model in models for task in model.tasks]
-    status = _status(tasks, robot.at(q), velocity, wanted / now.dt, gradient, setting)
+    status = _status(tasks, robot.at(q), velocity, wanted / now.dt, gradient, context)
     return q, velocity, status
 
 
@@ -157,13 +157,13 @@ def _status(
     velocity: np.ndarray,
     wanted: np.ndarray,
     gradient: float,
-    setting: Setting,
+    context: Context,
 ) -> StepStatus:
     """What the arm is doing; `wanted` (n,) is the velocity that the QPs ask for, gradient the tasks' free one."""
-    options, residuals = setting.options, [task.residual(at) for task in tasks]
+    options, residuals = context.options, [task.residual(at) for task in tasks]
     if all(p <= options.position_tolerance and o <= options.orientation_tolerance for p, o in residuals):
         return StepStatus.ARRIVED
-    slow = resting_speed(setting.robot)
+    slow = resting_speed(context.robot)
     if (np.abs(velocity) > slow).any():
         return StepStatus.MOVING
     if (np.abs(wanted) > slow).any():
@@ -177,48 +177,48 @@ def resting_speed(robot: Robot) -> np.ndarray:
 
 
 def keeps_further_limits(
-    setting: Setting, q: np.ndarray, ahead: np.ndarray, dt: float, velocity: np.ndarray | None
+    context: Context, q: np.ndarray, ahead: np.ndarray, dt: float, velocity: np.ndarray | None
 ) -> bool:
     """Whether a tick from q to ahead (n,), found without the limits beside those of the joints, keeps these as well.
 
     Then it is the tick with them, too: what is best among more is best among fewer, and limits that are not near hold
     nothing.
     """
-    if not setting.further:
+    if not context.further:
         return True
-    at, dq, step = setting.robot.at(q), ahead - q, setting.robot.velocity_limit * dt
+    at, dq, step = context.robot.at(q), ahead - q, context.robot.velocity_limit * dt
     now = Tick(dt, np.zeros_like(q) if velocity is None else velocity)
-    for limit in setting.further:
+    for limit in context.further:
         box, rows = limit.box(at, now), limit.rows(at, now)
         if box is not None and not ((box[0] <= dq).all() and (dq <= box[1]).all()):
             return False
         if rows is not None and (is_near(rows, step).any() or not (rows[0] @ dq <= rows[1]).all()):
             return False
-    return not setting.is_bent or any(
-        not broken.any() for broken in _violations_ahead(setting.robot.at(ahead), dq, setting, now)
+    return not context.is_bent or any(
+        not broken.any() for broken in _violations_ahead(context.robot.at(ahead), dq, context, now)
     )
 
 
-def _back_inside(at: Configuration, setting: Setting, bounds: Bounds) -> list[_Model]:
+def _back_inside(at: Configuration, context: Context, bounds: Bounds) -> list[_Model]:
     """A level above all others that undoes what is broken of the limits with rows, if anything is."""
     if bounds.broken is None:
         return []
     still = Level(FAINT * np.eye(at.n), np.zeros(at.n), np.empty((0, at.n)), wishes=bounds.broken)
-    return [_Model(setting.breach, (), TickModel(still, np.empty(0), 0, 0.0))]
+    return [_Model(context.breach, (), TickModel(still, np.empty(0), 0, 0.0))]
 
 
 def _models(
     cost: TaskCost,
     redundancy: Weighted | Strict | None,
     at: Configuration,
-    setting: Setting,
+    context: Context,
     now: Tick,
     bounds: Bounds,
 ) -> list[_Model]:
     """The levels in falling priority."""
     levels = levels_of(cost, redundancy)
-    reach = Reach.of(bounds, setting.bounds(at), setting.robot.velocity_limit * now.dt)
-    models = tick_models([each.without_wishes() for each in levels], at, reach, setting.options.damping)
+    reach = Reach.of(bounds, context.bounds(at), context.robot.velocity_limit * now.dt)
+    models = tick_models([each.without_wishes() for each in levels], at, reach, context.options.damping)
     wished = [
         replace(model.level, wishes=each.tasks.wishes(at, now)) for each, model in zip(levels, models, strict=True)
     ]
@@ -236,12 +236,12 @@ def levels_of(cost: TaskCost, redundancy: Weighted | Strict | None) -> list[Leve
     return [part for level in levels for part in split_equalities(level)]
 
 
-def _bent_along_wishes(models: list[_Model], cost: TaskCost, at: Configuration, setting: Setting) -> list[_Model]:
+def _bent_along_wishes(models: list[_Model], cost: TaskCost, at: Configuration, context: Context) -> list[_Model]:
     """The models, with the curvature of limits that are wishes of the first level where these hold up a lower one."""
     limits = tuple(task.limit for task in cost.tasks if isinstance(task, LimitTask))
     if not limits:
         return models
-    wished = replace(setting, further=limits)
+    wished = context.with_limits(limits)
     return [models[0], *(model.bent_by(wished.curvature(at, model.level.c)) for model in models[1:])]
 
 
@@ -280,13 +280,13 @@ def _directed(first: LevelObjective, models: Sequence[_Model], at: Configuration
     return [_Model(left_across, (), TickModel(upper, nothing, 0, 0.0), to_first_order=True), below]
 
 
-def _slowed(levels: list[Level], at: Configuration, setting: Setting, now: Tick) -> list[Level]:
+def _slowed(levels: list[Level], at: Configuration, context: Context, now: Tick) -> list[Level]:
     """The levels with their pull reduced until every joint can stop where they end."""
-    ends = solve_each_level(levels, setting.bounds(at), setting.backend)
+    ends = solve_each_level(levels, context.bounds(at), context.backend)
     if not ends:
         return levels
     way = np.abs(ends[-1])
-    change = setting.robot.acceleration_limit * now.dt**2
+    change = context.robot.acceleration_limit * now.dt**2
     share = np.min(braking_displacement(way, change)[way > 0] / way[way > 0], initial=1.0)
     return [replace(level, c=share * level.c) for level in levels]
 
@@ -295,7 +295,7 @@ def _safe(
     models: Sequence[_Model],
     at: Configuration,
     displacements: Sequence[np.ndarray],
-    setting: Setting,
+    context: Context,
     bounds: Bounds,
     now: Tick,
 ) -> np.ndarray:
@@ -303,8 +303,8 @@ def _safe(
     dq, solved, kept = bounds.rest, bounds.rest, np.empty(0)
     there = at.moved(dq) if dq.any() else at
     broken = None
-    if setting.is_bent:
-        broken = np.maximum(setting.violations(at), min(_violations_ahead(there, dq, setting, now), key=np.sum))
+    if context.is_bent:
+        broken = np.maximum(context.violations(at), min(_violations_ahead(there, dq, context, now), key=np.sum))
     for k, displacement in enumerate(displacements):
         model, above, part = models[k], models[:k], displacement - solved
         before, errors, share = model.value(there), _errors(above, there), 1.0
@@ -314,10 +314,10 @@ def _safe(
         for _ in range(HALVINGS):
             step, shrink = dq + share * part, 0.5
             if broken is not None:
-                step = _brought_back(at, step, broken, setting, bounds, now)
+                step = _brought_back(at, step, broken, context, bounds, now)
             if step is not None and bounds.contain(step):
                 trial = at.moved(step)
-                loss = float((_shares(above, trial, setting.options) - kept).max(initial=0.0))
+                loss = float((_shares(above, trial, context.options) - kept).max(initial=0.0))
                 merit = model.value(trial) - model.model.multipliers @ (_errors(above, trial) - errors)
                 if loss <= 1.0 and merit <= most + share * slope:
                     dq, there = step, trial
@@ -325,7 +325,7 @@ def _safe(
                 if loss > 1.0:  # of second order
                     shrink = max(0.1, min(0.9 / math.sqrt(loss), 0.8))
             share *= shrink
-        kept = np.concatenate([kept, model.shares(there, setting.options)])
+        kept = np.concatenate([kept, model.shares(there, context.options)])
     return dq
 
 
@@ -340,7 +340,7 @@ def _shares(models: Sequence[_Model], at: Configuration, options: Options) -> np
 
 
 def _brought_back(
-    at: Configuration, dq: np.ndarray, allowed: np.ndarray, setting: Setting, bounds: Bounds, now: Tick
+    at: Configuration, dq: np.ndarray, allowed: np.ndarray, context: Context, bounds: Bounds, now: Tick
 ) -> np.ndarray | None:
     """The displacement dq (n,) with what corrects the second order by which it breaks bent limits more than `allowed`.
 
@@ -351,30 +351,30 @@ def _brought_back(
     most = np.where(allowed > 0, allowed + SAME, 0.0)
     for _ in range(CORRECTIONS + 1):
         there = at.moved(dq)
-        if (setting.violations(there) <= most).all():
-            ways = _violations_ahead(there, dq, setting, now)
+        if (context.violations(there) <= most).all():
+            ways = _violations_ahead(there, dq, context, now)
             return dq if any((broken <= most).all() for broken in ways) else None
-        G, h = setting.rows_within(there, allowed)
+        G, h = context.rows_within(there, allowed)
         G, h = np.vstack([G, bounds.G]), np.concatenate([h - SAME, np.maximum(bounds.h - bounds.G @ dq, 0.0)])
         lower, upper = np.minimum(bounds.lower - dq, 0.0), np.maximum(bounds.upper - dq, 0.0)
-        back = setting.backend.solve(QP(np.eye(at.n), np.zeros(at.n), lower, upper, G, h))
+        back = context.backend.solve(QP(np.eye(at.n), np.zeros(at.n), lower, upper, G, h))
         if not back.found:
             return None
         dq = np.clip(dq + back.x, bounds.lower, bounds.upper)
     return None
 
 
-def _violations_ahead(at: Configuration, dq: np.ndarray, setting: Setting, now: Tick) -> Iterator[np.ndarray]:
+def _violations_ahead(at: Configuration, dq: np.ndarray, context: Context, now: Tick) -> Iterator[np.ndarray]:
     """By how much each part (k,) of the bent limits is broken where dq (n,) led to, and while the arm then brakes.
 
     First if each joint brakes as hard as it can, then if all slow down together, in a straight line of joint space: a
     pair of bodies that one joint drives together and another apart does not come nearer if both slow down alike. So a
     tick that is allowed leaves a way to stop that is allowed, and one of these is always there to be chosen next.
     """
-    change, size = setting.robot.acceleration_limit * now.dt**2, np.abs(dq)
+    change, size = context.robot.acceleration_limit * now.dt**2, np.abs(dq)
     stop = size / change  # in ticks
     ticks, whole = int(np.max(stop, initial=0.0)), np.floor(stop)
-    here = setting.violations(at)
+    here = context.violations(at)
     if ticks == 0:
         yield here
         return
@@ -382,11 +382,11 @@ def _violations_ahead(at: Configuration, dq: np.ndarray, setting: Setting, now: 
     change = np.where(whole > 0, change, 0.0)
     braking = [np.minimum(i, whole) for i in glances]
     apart = [np.sign(dq) * np.where(k > 0, k * (size - 0.5 * change * (k + 1)), 0.0) for k in braking]
-    yield np.max([here, *(setting.violations(at.moved(way)) for way in apart)], axis=0)
+    yield np.max([here, *(context.violations(at.moved(way)) for way in apart)], axis=0)
     together = [dq * (i - i * (i + 1) / (2 * np.max(stop))) for i in glances]
     q = at.q + together[-1]
-    if (setting.robot.lower <= q).all() and (q <= setting.robot.upper).all():
-        yield np.max([here, *(setting.violations(at.moved(way)) for way in together)], axis=0)
+    if (context.robot.lower <= q).all() and (q <= context.robot.upper).all():
+        yield np.max([here, *(context.violations(at.moved(way)) for way in together)], axis=0)
 
 
 def split_equalities(level: LevelObjective) -> tuple[LevelObjective, ...]:

@@ -1,0 +1,173 @@
+"""The problem: a robot, what it is to reach and keep, and how far to go for it.
+
+Everything a solver does is a function of a problem. What changes from call to call, such as targets and starts, is an
+argument beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from maira_qp.errors import OptionError, shown
+from maira_qp.problem.levels import TaskHierarchy
+from maira_qp.problem.limits.joint import AccelerationLimit, Limit, PositionLimit, VelocityLimit
+from maira_qp.problem.objectives import LimitDistance, Posture
+from maira_qp.problem.options import Options
+from maira_qp.problem.qp.costs import LevelObjective, TaskCost, tasks_toward
+from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.targets import Poses, Targets, checked_target, checked_targets
+from maira_qp.problem.tasks.task import Task
+from maira_qp.robots.model.configuration import Configuration
+from maira_qp.robots.model.revolutions import WholeTurns
+from maira_qp.robots.model.robot import Robot
+
+ACTIVE_WITHIN = 1e-9
+"""A limit nearer than this [rad or m] counts as active."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is asked of a robot; its parts are bound to that robot."""
+
+    robot: Robot
+    hierarchy: TaskHierarchy
+    additional_limits: tuple[Limit, ...]
+    """Hard limits beside those of the joints"""
+    redundancy: Weighted | Strict | None
+    options: Options
+
+    @staticmethod
+    def build(
+        robot: Robot,
+        *,
+        task: Any = None,
+        tasks: Sequence[Any] = (),
+        limits: Sequence[Any] = (),
+        redundancy: Any = None,
+        options: Any = None,
+    ) -> Problem:
+        """Check the arguments of `Solver`, and bind them to the robot. Raises `OptionError`, `FrameError`."""
+        _check_type(robot, Robot, "robot", "mq.Robot.maira() or mq.Robot.from_urdf(...)")
+        _check_type(options, (Options, type(None)), "options", "mq.Options(...)")
+        _check_type(redundancy, (Weighted, Strict, type(None)), "redundancy", "mq.Strict(mq.Posture())")
+        for name, value in (("tasks", tasks), ("limits", limits)):
+            _check_type(value, (list, tuple), name, "a list")
+        for limit in limits:
+            _check_type(limit, Limit, "limit", "mq.LinearLimit(A, b)")
+        hierarchy = TaskHierarchy.build(robot, task, tasks)
+        if isinstance(redundancy, Weighted) and hierarchy.lower:
+            raise OptionError(
+                "Weighted puts its objective into the first level, and there are levels below; "
+                "use mq.ObjectiveTask(objective, weight, priority) or Strict(...)"
+            )
+        return Problem(
+            robot,
+            hierarchy,
+            tuple(limit.of(robot) for limit in limits),
+            None if redundancy is None else redundancy.of(robot),
+            options or Options(),
+        )
+
+    def with_redundancy(self, redundancy: Weighted | Strict | None) -> Problem:
+        """The same with another redundancy, bound to the robot."""
+        return replace(self, redundancy=redundancy)
+
+    def with_options(self, **changes: Any) -> Problem:
+        """The same with some options changed."""
+        return replace(self, options=replace(self.options, **changes))
+
+    @property
+    def tasks(self) -> tuple[Task, ...]:
+        """The tasks of the first level: what a solve is to reach."""
+        return self.hierarchy.primary
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The K frames that a call needs a target for."""
+        return self.hierarchy.frames
+
+    @cached_property
+    def limits(self) -> tuple[Limit, ...]:
+        """All hard limits, those of the joints first."""
+        robot = self.robot
+        return (
+            AccelerationLimit(robot.acceleration_limit),
+            PositionLimit(robot.lower, robot.upper, robot.acceleration_limit),
+            VelocityLimit(robot.velocity_limit),
+            *self.additional_limits,
+        )
+
+    @property
+    def is_pose_alone(self) -> bool:
+        """There is nothing below the first level."""
+        return not self.hierarchy.lower and self.redundancy is None
+
+    @property
+    def posture(self) -> Posture | None:
+        """The first posture among the objectives, if any."""
+        objectives = () if self.redundancy is None else self.redundancy.objectives
+        lower = (each.objective for level in self.hierarchy.lower for each in level.objectives)
+        for objective in (*objectives, *lower):
+            if isinstance(objective, Posture):
+                return objective
+            if isinstance(objective, LimitDistance):
+                return objective.as_posture
+        return None
+
+    @cached_property
+    def turns(self) -> WholeTurns:
+        """Whole turns of the joints, counted from the posture, or from the middle of the limits."""
+        return WholeTurns(self.robot, self.robot.middle if self.posture is None else self.posture.q_ref)
+
+    def target(self, target: Any) -> Targets:
+        """One call's targets, checked: N is 1. Raises `PoseError`, `FrameError`."""
+        return checked_target(target, self.frames, self.robot.length)
+
+    def targets(self, targets: Any) -> Targets:
+        """A batch's targets, checked. Raises `PoseError`, `FrameError`."""
+        return checked_targets(targets, self.frames, self.robot.length)
+
+    def costs(self, poses: Poses) -> tuple[TaskCost, Weighted | Strict | None]:
+        """The first level toward its targets, and the secondary objectives: all that is below it."""
+        below = [
+            LevelObjective(tasks_toward(level.tasks.tasks, poses), level.objectives) if self.frames else level
+            for level in self.hierarchy.lower
+        ]
+        objectives = self.redundancy.objectives if isinstance(self.redundancy, Strict) else ()
+        return tasks_toward(self.tasks, poses), Strict(*below, *objectives) if below else self.redundancy
+
+    def is_reached(self, position: Any, orientation: Any) -> Any:
+        """Whether errors [m] and [rad], numbers or arrays, are within the tolerances."""
+        options = self.options
+        return (position <= options.position_tolerance) & (orientation <= options.orientation_tolerance)
+
+    def active_limits(self, q: np.ndarray) -> list[str]:
+        """Names of the limits that q (n,) stands on, those of the joints first."""
+        robot, names = self.robot, []
+        for name, value, low, high in zip(robot.joint_names, q, robot.lower, robot.upper, strict=True):
+            if value <= low + ACTIVE_WITHIN:
+                names.append(f"{name} lower")
+            if value >= high - ACTIVE_WITHIN:
+                names.append(f"{name} upper")
+        at = robot.at(q)
+        return names + [name for limit in self.limits for name in limit.active(at)]
+
+    def limit_violations(self, at: Configuration) -> dict[str, float]:
+        """By how much a configuration breaks the additional limits, by name, the worst first."""
+        found: dict[str, float] = {}
+        kinds = [type(limit).__name__ for limit in self.additional_limits]
+        for i, (limit, kind) in enumerate(zip(self.additional_limits, kinds, strict=True)):
+            name = kind if kinds.count(kind) == 1 else f"{kind} {kinds[: i + 1].count(kind)}"
+            for part, amount in limit.broken(at, name).items():
+                found[part] = max(amount, found.get(part, 0.0))
+        return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def _check_type(value: Any, types: Any, name: str, example: str) -> None:
+    if not isinstance(value, types):
+        raise OptionError(f"{name} must be something like {example}, got {shown(value)}")

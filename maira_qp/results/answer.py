@@ -1,0 +1,94 @@
+"""What all results share: the joints that they speak of, and what is computed when it is first asked for."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol
+
+from maira_qp.arrays import plain
+from maira_qp.display import Shown
+from maira_qp.problem.problem import Problem
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from maira_qp.results.solution import Solution
+
+
+class Origin(Protocol):
+    """Where a result comes from: it knows the problem, and answers what is asked of the result later."""
+
+    @property
+    def problem(self) -> Problem:
+        """What was solved."""
+        ...
+
+    def explain(self, solution: Solution) -> Any:
+        """See `Solution.explain`."""
+        ...
+
+    def jacobian(self, solution: Solution) -> np.ndarray:
+        """See `Solution.jacobian`."""
+        ...
+
+    def proof(self, solution: Solution) -> Any:
+        """See `Solution.proof`."""
+        ...
+
+
+class OfProblem(Shown):
+    """What is known of the joints. A pickle holds it in place of the robot."""
+
+    _origin: Origin | None
+
+    @property
+    def _problem(self) -> Problem:
+        return self._origin.problem  # type: ignore[union-attr]
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the n joints, in the order of `q`"""
+        return self._problem.robot.joint_names
+
+    @cached_property
+    def q_units(self) -> tuple[str, ...]:
+        """Units of the n joints: "rad", or "m" where one slides"""
+        return tuple("m" if slides else "rad" for slides in self._problem.robot.slides)
+
+
+class Answer(OfProblem):
+    """Values that are computed when they are first asked for. A pickle holds them in place of the robot."""
+
+    condition_number: Any
+    active_limits: Any
+    broken_limits: Any
+    max_joint_change: Any
+
+    def __getstate__(self) -> dict[str, Any]:
+        own = {name: getattr(self, name) for name in OF_ROBOT}
+        return {**self.__dict__, **own, "_origin": None}
+
+    def as_dict(self) -> dict[str, Any]:
+        """All values by their names, as `json.dumps` takes them: lists in place of arrays, the name of a status, and
+        None for a number that is not finite, such as the cost without redundancy."""
+        return {name: plain(getattr(self, name)) for name in (*VALUES, *OF_ROBOT)}
+
+
+OF_ROBOT = ("joint_names", "q_units", "condition_number", "active_limits", "broken_limits", "max_joint_change")
+
+VALUES = (
+    "q",
+    "success",
+    "status",
+    "position_error",
+    "orientation_error",
+    "iterations",
+    "restarts",
+    "cost",
+    "projected_gradient",
+    "optimal",
+    "start_projected",
+    "target_deviation",
+    "left_q0",
+    "backend",
+)

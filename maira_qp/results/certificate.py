@@ -1,0 +1,45 @@
+"""Proofs that a pose cannot be reached, as data that a few lines of other code can check."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from maira_qp.analytic.srs.unreachability import SwivelProof
+from maira_qp.kernels.certificates.branch_and_bound import JOINT, ORIENTATION
+
+
+@dataclass(frozen=True, eq=False)
+class BoxProof:
+    """Boxes of joint values that hold all configurations within the limits, and none that reaches the pose.
+
+    For each of them `tests` says what rules it out, see `kernels.certificates.branch_and_bound`: the distance of a
+    point of the tool from a pivot on a joint's axis, or the orientation. Forward kinematics is all that it takes to
+    check it.
+    """
+
+    boxes: np.ndarray
+    """Lower and upper ends (m, 2, n) [rad or m]"""
+    tests: np.ndarray
+    """(m, 2) of int: the point, -1 for the orientation, and the pivot, past the last for the point itself"""
+    points: np.ndarray
+    """Points (k, 3) [m] in the axes of the tip"""
+    pivots: np.ndarray
+    """(p, 2): a joint, and how far along its axis [m] from its origin"""
+    joint_names: tuple[str, ...]
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        if len(self.boxes) > 1:
+            return f"each of {len(self.boxes)} boxes that together hold all joint values is too far from it"
+        point, pivot = self.tests[0]
+        if point == ORIENTATION:
+            return "no joint values within the limits turn the tool so far"
+        if pivot == len(self.pivots):
+            return "the tool comes nowhere near it"
+        return f"it is too far from {self.joint_names[int(self.pivots[pivot, JOINT])]}, or too near to it"
+
+
+Proof = BoxProof | SwivelProof

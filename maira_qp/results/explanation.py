@@ -1,0 +1,246 @@
+"""Why a solve ended as it did, as data, and in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from maira_qp.arrays import plain
+from maira_qp.display import Card, Shown
+from maira_qp.results.status import Status
+
+if TYPE_CHECKING:
+    from maira_qp.results.certificate import Proof
+
+MOSTLY = 0.9
+"""Share of a direction along an axis, from which on the axis stands for it."""
+
+NEGLIGIBLE = 1e-9
+"""Errors below this [m or rad] are not worth a word."""
+
+
+@dataclass(frozen=True)
+class ActiveLimit:
+    """A limit that a joint stands on, and what it costs."""
+
+    name: str
+    """Such as "joint4 upper" """
+    multiplier: float
+    """What the minimised cost would fall by [per rad or m]; 0 where the limit holds nothing up"""
+    position: float
+    """What releasing it alone takes off the position error [m]"""
+    orientation: float
+    """And off the orientation error [rad]"""
+    further: float | None
+    """How far beyond the limit [rad or m] the joint reaches the target, if that limit alone gives way; else None"""
+    unit: str
+    """Of `further`: "rad" or "m" """
+
+
+@dataclass(frozen=True)
+class ActivePair:
+    """Two bodies that a `CollisionLimit` holds apart, and what it costs."""
+
+    name: str
+    """Such as "link5 - ball" """
+    distance: float
+    """[m]"""
+    multiplier: float
+    """What the minimised cost would fall by [per m] if they could be nearer; 0 where they are in nobody's way"""
+
+
+@dataclass(frozen=True)
+class BrokenLimit:
+    """A limit beside those of the joints that no configuration was found to keep."""
+
+    name: str
+    """Such as "link5 - table" """
+    amount: float
+    """By how much the answer breaks it"""
+    unit: str
+    """Of `amount`: "m" for a pair of bodies, whose margin is meant; "" where it is the limit's own"""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Explanation(Shown):
+    """Why a solve ended as it did; `str()` says it in words."""
+
+    status: Status
+    position_error: float
+    """What is left [m]"""
+    orientation_error: float
+    """[rad]"""
+    limits: tuple[ActiveLimit, ...]
+    """The joint limits that the answer stands on, the most costly first"""
+    pairs: tuple[ActivePair, ...]
+    """The pairs of bodies as near as their margin allows, the most costly first"""
+    blocked: np.ndarray
+    """What the limits that cost something keep of the way to the target together (6,): position [m] and rotation [rad]
+    in the axes of the tool; zero where the task is none of a pose"""
+    is_reached_without: bool
+    """Without these limits the target would be reached"""
+    is_unreachable_without: bool
+    """It is proved that without these limits the target would not be reached either"""
+    starts_without: int
+    """From so many starts the target was looked for without these limits"""
+    is_reached_within: bool
+    """On the way the target was found to be within the limits: the solve had missed it"""
+    proof: Proof | None
+    """What proves `UNREACHABLE`"""
+    is_compromise: bool
+    """`Weighted` holds the tool off a pose that can be reached"""
+    hints: tuple[str, ...] = ()
+    """What looks like another unit than metres and radians, a sentence each"""
+    broken: tuple[BrokenLimit, ...] = ()
+    """What the answer breaks, the worst first: for `LIMITS_BROKEN`"""
+
+    def as_dict(self) -> dict[str, Any]:
+        """As plain values that `json.dumps` takes, the words with them; None for numbers that are not known."""
+        values = {
+            "text": str(self),
+            "status": self.status,
+            "position_error": self.position_error,
+            "orientation_error": self.orientation_error,
+            "limits": [asdict(limit) for limit in self.limits],
+            "pairs": [asdict(pair) for pair in self.pairs],
+            "broken": [asdict(limit) for limit in self.broken],
+            "blocked": self.blocked,
+            "is_reached_without": self.is_reached_without,
+            "is_unreachable_without": self.is_unreachable_without,
+            "starts_without": self.starts_without,
+            "is_reached_within": self.is_reached_within,
+            "is_compromise": self.is_compromise,
+            "hints": self.hints,
+            "proof": None if self.proof is None else self.proof.words,
+        }
+        return plain(values)
+
+    @property
+    def blocking(self) -> tuple[str, ...]:
+        """Names of the limits and pairs that cost something."""
+        return tuple(one.name for one in (*self.limits, *self.pairs) if one.multiplier > 0)
+
+    def __str__(self) -> str:
+        return " ".join(_sentences(self))
+
+    def _card(self) -> Card:
+        return Card(
+            title=f"Explanation: {self.status.name}",
+            words=str(self),
+            headings=("limit", "multiplier", "its release gains [m]", "[rad]", "reached with it so much further"),
+            rows=[
+                (
+                    limit.name,
+                    f"{limit.multiplier:.3g}",
+                    f"{limit.position:.3g}",
+                    f"{limit.orientation:.3g}",
+                    "" if limit.further is None else f"{limit.further:.3g} {limit.unit}",
+                )
+                for limit in self.limits
+            ]
+            + [(pair.name, f"{pair.multiplier:.3g}", "", "", "") for pair in self.pairs],
+        )
+
+
+def _sentences(why: Explanation) -> Iterator[str]:
+    """The explanation in words, and what may be behind it."""
+    yield from _reasons(why)
+    yield from why.hints
+
+
+def _reasons(why: Explanation) -> Iterator[str]:
+    if why.status is Status.LIMITS_BROKEN:
+        broken = " and ".join(f"{one.name} by {_amount(one.amount, one.unit)}" for one in why.broken)
+        yield f"No configuration was found that keeps the limits beside those of the joints: this one breaks {broken}."
+        yield f"It is {_off(why)} away from the target."
+        return
+    if why.status is Status.CONVERGED:
+        yield "The target is reached."
+    elif why.is_compromise:
+        yield f"The target can be reached, but the weight of the posture holds the tool {_off(why)} off it."
+    elif why.status is Status.UNREACHABLE:
+        proof = "" if why.proof is None else f": {why.proof.words}"
+        yield f"The target is proved to be out of reach{proof}; the answer is {_off(why)} away."
+    elif why.status is Status.NEAREST:
+        yield f"The answer is {_off(why)} away from the target, and nothing near it is closer."
+    else:
+        yield f"The answer is {_off(why)} away from the target; the budget was spent before a nearest point was found."
+    if why.status is Status.CONVERGED or why.is_compromise:
+        for limit in why.limits:
+            cost = f", which costs {limit.multiplier:.3g} per {limit.unit}" if limit.multiplier > 0 else ""
+            yield f"It stands on {limit.name}{cost}."
+        for pair in why.pairs:
+            cost = f", which costs {pair.multiplier:.3g} per m" if pair.multiplier > 0 else ""
+            yield f"{_apart(pair)}{cost}."
+        return
+    if why.is_reached_within:
+        yield "From another start the target is reached within the limits."
+    if not why.blocking:
+        yield f"No {'joint ' if not why.pairs else ''}limit holds it back."
+        return
+    names = " and ".join(why.blocking)
+    if np.linalg.norm(why.blocked) > 0:
+        yield f"{names} {'block' if len(why.blocking) > 1 else 'blocks'} {_way(why.blocked)}."
+    else:
+        yield f"{names} {'stand' if len(why.blocking) > 1 else 'stands'} in the way."
+    for pair in why.pairs:
+        if pair.multiplier > 0:
+            yield f"{_apart(pair)}."
+    alone = [limit for limit in why.limits if limit.further is not None]
+    if alone:
+        least = min(alone, key=lambda limit: limit.further or 0.0)
+        joint, end = least.name.rsplit(" ", 1)
+        further = _amount(least.further or 0.0, least.unit)
+        yield f"With {joint} {further} beyond its {end} limit the target would be reached."
+    elif why.is_reached_without:
+        yield "Without these limits the target would be reached."
+    elif why.is_unreachable_without:
+        yield "It is proved that without these limits it would not be reached either."
+    else:
+        starts = "one start" if why.starts_without == 1 else f"any of {why.starts_without} starts"
+        yield f"Without these limits it was not reached either, from {starts}."
+
+
+def _apart(pair: ActivePair) -> str:
+    """How far two bodies are apart."""
+    if pair.distance < 0:
+        return f"{pair.name} overlap by {_amount(-pair.distance, 'm')}"
+    return f"{pair.name} are {_amount(pair.distance, 'm')} apart"
+
+
+def _off(why: Explanation) -> str:
+    """The errors that are left, as far as they are errors."""
+    parts = [
+        _amount(value, unit)
+        for value, unit in ((why.position_error, "m"), (why.orientation_error, "rad"))
+        if value > NEGLIGIBLE
+    ]
+    return " and ".join(parts) or "nearly nothing"
+
+
+def _way(displacement: np.ndarray) -> str:
+    """A displacement (6,) in the axes of the tool."""
+    parts = []
+    for vector, unit, word in ((displacement[:3], "m", "along"), (displacement[3:], "rad", "about")):
+        size = float(np.linalg.norm(vector))
+        if size > NEGLIGIBLE:
+            axis = int(np.abs(vector).argmax())
+            share = vector / size
+            name = f"tool {'-' if share[axis] < 0 else ''}{'xyz'[axis]}"
+            if abs(share[axis]) < MOSTLY:
+                name = f"({', '.join(f'{x + 0.0:.2f}' for x in share.round(2))}) of the tool"
+            parts.append(f"{_amount(size, unit)} {word} {name}")
+    return " and ".join(parts) or "nearly nothing"
+
+
+def _amount(value: float, unit: str) -> str:
+    """A length or an angle in the unit that people use, or a number of no known unit."""
+    if not unit:
+        return f"{value:.3g}"
+    if unit == "rad":
+        return f"{math.degrees(value):.3g} degrees"
+    return f"{value:,.0f} m" if value >= 1000 else f"{value:.3g} m" if value >= 1 else f"{1e3 * value:.3g} mm"

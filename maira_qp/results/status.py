@@ -1,0 +1,83 @@
+"""How a call ended: the statuses, and the one rule that says which of them a solve ends with."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+
+
+class NamedEnum(IntEnum):
+    """Integers, for arrays, that print as their names; `f"{status:d}"` is the number."""
+
+    def __str__(self) -> str:
+        return self.name
+
+    def __format__(self, spec: str) -> str:
+        return format(int(self) if spec.endswith("d") else self.name, spec)
+
+
+class Status(NamedEnum):
+    """How a solve ended."""
+
+    CONVERGED = 0
+    """The pose is within its tolerances."""
+    UNREACHABLE = 1
+    """No configuration within the limits reaches the pose: proved."""
+    NEAREST = 2
+    """Not at the pose, but at a point that no small motion within the limits brings nearer to it."""
+    BUDGET_SPENT = 3
+    """Neither: the restarts, the iterations or the deadline ran out first."""
+    INVALID_TARGET = 4
+    """The target of a batch holds NaN or inf: nothing was solved, and `q` and all numbers are NaN."""
+    LIMITS_BROKEN = 5
+    """No configuration was found that keeps the limits beside those of the joints: see `broken_limits`."""
+
+    @property
+    def meaning(self) -> str:
+        """One sentence for a person."""
+        return _MEANINGS[self]
+
+
+_MEANINGS = {
+    Status.CONVERGED: "the pose is reached within its tolerances",
+    Status.UNREACHABLE: "no configuration within the limits reaches the pose (proved)",
+    Status.NEAREST: "the pose was not reached; this is a nearest point (stationary within the limits)",
+    Status.BUDGET_SPENT: "the budget was spent before the pose was reached or a nearest point found",
+    Status.INVALID_TARGET: "the target holds NaN or inf: nothing was solved",
+    Status.LIMITS_BROKEN: "no configuration within the further limits was found; this one breaks them",
+}
+
+
+ORDER = (Status.CONVERGED, Status.LIMITS_BROKEN, Status.UNREACHABLE, Status.NEAREST)
+"""The first of them that holds is the status of a solve; else `BUDGET_SPENT`."""
+
+
+def status_of(*, reached: bool, breaks_limits: bool, proved: bool, stationary: bool) -> Status:
+    """The status of a solve: of what was reached, is proved of the target, and is stationary where it ended."""
+    holds = (reached, breaks_limits, proved, stationary)
+    return next((status for status, one in zip(ORDER, holds, strict=True) if one), Status.BUDGET_SPENT)
+
+
+def statuses_of(
+    *, reached: np.ndarray, breaks_limits: np.ndarray, proved: np.ndarray, stationary: np.ndarray
+) -> np.ndarray:
+    """`status_of` for N solves, from arrays (N,) of bool: (N,) of int."""
+    return np.select([reached, breaks_limits, proved, stationary], [int(one) for one in ORDER], Status.BUDGET_SPENT)
+
+
+class StepStatus(NamedEnum):
+    """What the arm is doing in a control tick: `Step.status`.
+
+    A joint is at rest if its speed is at most 1e-6 of its limit (of 1 rad/s or 1 m/s where that is infinite).
+    """
+
+    ARRIVED = 0
+    """Every task, of every level, is within `position_tolerance` and `orientation_tolerance` of `Options` after it"""
+    MOVING = 1
+    """Not arrived, and on the way: some joint is not at rest, or gains and damping let a gradient fall slowly"""
+    NEAREST = 2
+    """At rest, where nothing near by is nearer, in the order of the levels: no task's gradient that limits and levels
+    above leave free is larger than `Options.stationarity_tolerance`, and no level is at a saddle point"""
+    STUCK = 3
+    """At rest though the QPs ask for motion: a QP failed, or no share of the motion that they ask for was safe"""

@@ -1,0 +1,58 @@
+"""What a control tick returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from maira_qp.display import Card, joint_entries
+from maira_qp.results.answer import OfProblem, Origin
+from maira_qp.results.solution import ends_of
+from maira_qp.results.status import StepStatus
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Step(OfProblem):
+    """One control tick."""
+
+    velocity: np.ndarray
+    """Joint velocity (n,) [rad/s or m/s], within the velocity limits exactly"""
+    q: np.ndarray
+    """Configuration (n,) after the tick"""
+    position_error: float
+    """|p_d - p| [m] after the tick"""
+    orientation_error: float
+    """Angle between the orientations [rad] after the tick"""
+    status: StepStatus
+    """What the arm is doing"""
+    backend: str
+    """Which engine made it: "compiled", or the name of the QP backend in the general engine"""
+    _origin: Origin | None = field(default=None, repr=False)
+
+    @cached_property
+    def active_limits(self) -> list[str]:
+        """Limits that `q` stands on, such as "joint4 upper", and pairs at their margin, such as "link5 - table" """
+        return self._problem.active_limits(self.q)
+
+    def __getstate__(self) -> dict[str, Any]:
+        own = {"joint_names": self.joint_names, "q_units": self.q_units, "active_limits": self.active_limits}
+        return {**self.__dict__, **own, "_origin": None}
+
+    def _card(self) -> Card:
+        units = self.q_units
+        numbers = [f"{value:.4f} {unit}" for value, unit in zip(self.q, units, strict=True)]
+        speeds = [f"{value:+.4f} {unit}/s" for value, unit in zip(self.velocity, units, strict=True)]
+        both = [f"{number} {speed}" for number, speed in zip(numbers, speeds, strict=True)]
+        return Card(
+            title=f"Step: {self.position_error:.3g} m and {self.orientation_error:.3g} rad off, by {self.backend}",
+            facts=(("active limits", ", ".join(self.active_limits)),),
+            entries=joint_entries(self.joint_names, both),
+            headings=("joint", "q", "velocity", "limit"),
+            rows=[
+                (name, number, speed, ", ".join(ends_of(name, self.active_limits)))
+                for name, number, speed in zip(self.joint_names, numbers, speeds, strict=True)
+            ],
+        )

@@ -1,0 +1,280 @@
+"""Which engine runs when, and why: the engines of one problem, and the choice between them for each call.
+
+The compiled engine takes what it knows, the reference engine everything. `Engines.choice` says which and gives the
+reason in words; the tables of the README are what it says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from maira_qp.arrays import is_native
+from maira_qp.errors import BackendError, listed, shown
+from maira_qp.problem.limits.joint import Tick
+from maira_qp.problem.problem import Problem
+from maira_qp.problem.qp.backends import Backend, available
+from maira_qp.problem.targets import FARTHEST, SEED_0, Poses, Targets, poses_of
+from maira_qp.results.batch import BatchSolution
+from maira_qp.results.solution import Solution, solution_of
+from maira_qp.results.status import status_of
+from maira_qp.results.step import Step
+from maira_qp.solvers.analysis.sensitivity import dq_dtarget
+from maira_qp.solvers.reference.context import Context
+from maira_qp.solvers.reference.engine import ReferenceEngine, residual
+from maira_qp.solvers.reference.step import keeps_further_limits, tick
+
+if TYPE_CHECKING:
+    from maira_qp.results.certificate import Proof
+    from maira_qp.results.explanation import Explanation
+    from maira_qp.solvers.compiled.engine import Compiled
+    from maira_qp.solvers.compiled.step import CompiledTick
+
+COMPILED = "compiled"
+
+Observer = Callable[[np.ndarray], object]
+Progress = Callable[[int, int], object]
+
+
+class Choice(NamedTuple):
+    """Which engine runs a call."""
+
+    engine: str
+    """ "compiled", or the name of the QP backend of the reference engine"""
+    reason: str
+    """Why, in words"""
+
+    def __str__(self) -> str:
+        return f"{self.engine}: {self.reason}"
+
+
+@dataclass(frozen=True, eq=False)
+class Engines:
+    """The engines of a problem. A result asks them later for what it did not hold: see `results.answer.Origin`."""
+
+    problem: Problem
+    reference: ReferenceEngine
+    compiled: Compiled | None
+    """Solves the problem but for its additional limits, if it can"""
+    refusal: str
+    """Why it cannot solve it as it is; empty: it can"""
+    compiled_tick: CompiledTick | None
+    """Takes the problem's control ticks but for its additional limits, if it can"""
+    tick_refusal: str
+    """Why it cannot"""
+
+    @staticmethod
+    def build(problem: Problem, backend: str | Backend | None = None) -> Engines:
+        """The engines of a problem, with who solves each QP, see `Solver`. Raises `BackendError`, `OptionError`."""
+        if backend is not None and not isinstance(backend, (str, Backend)):
+            raise BackendError(f"backend must be a name or mq.Backend(name, settings), got {shown(backend)}")
+        compiled = compiled_tick = None
+        refusal = tick_refusal = "a QP backend was asked for"
+        if backend is None or backend == COMPILED:
+            from maira_qp.solvers.compiled import engine, problem_arrays, step  # heavy: Numba comes with it
+
+            tick_refusal = step.unsupported(problem)
+            compiled_tick = None if tick_refusal else step.CompiledTick.build(problem)
+            refusal = problem_arrays.unsupported(problem)
+            compiled = None if refusal else engine.Compiled.build(problem)
+            if compiled is not None and problem.additional_limits:
+                refusal = "it has limits beside those of the joints"
+            if backend == COMPILED and refusal:
+                raise BackendError(f"the compiled engine cannot take this: {refusal}; {listed(available())}")
+        if not isinstance(backend, Backend):
+            backend = Backend("daqp" if backend is None or backend == COMPILED else backend)
+        context = Context(problem, backend)
+        context.check()
+        reference = ReferenceEngine(context, None if refusal else compiled, compiled if refusal else None)
+        return Engines(problem, reference, compiled, refusal, compiled_tick, tick_refusal)
+
+    def with_problem(self, problem: Problem) -> Engines:
+        """The same for a problem that differs in its redundancy or its restarts: for solves from a start."""
+        compiled = None if self.compiled is None else self.compiled.with_problem(problem)
+        reference = replace(
+            self.reference,
+            context=replace(self.reference.context, problem=problem),
+            compiled=None if self.reference.compiled is None else compiled,
+            screening=None if self.reference.screening is None else compiled,
+        )
+        return replace(self, problem=problem, reference=reference, compiled=compiled)
+
+    @property
+    def backend(self) -> Backend:
+        """Who solves the QPs of the reference engine."""
+        return self.reference.context.backend
+
+    @property
+    def name(self) -> str:
+        """Who solves the QPs: "compiled", or the backend's name."""
+        return self.backend.name if self.refusal else COMPILED
+
+    @cached_property
+    def searching(self) -> Compiled | None:
+        """The compiled engine, where it makes whole solves."""
+        several = len(self.problem.hierarchy.all_tasks) > len(self.problem.tasks)
+        return None if self.refusal or several or self.problem.options.deadline is not None else self.compiled
+
+    def choice(
+        self, verb: str, *, observe: bool = False, deadline: bool = False, keep_direction: bool = False
+    ) -> Choice:
+        """Which engine runs a call of a verb: "solve" (and "solve_batch") or "step"."""
+        if verb == "step":
+            asked = "a deadline is kept" if deadline else "the direction is kept" if keep_direction else ""
+            if reason := self.tick_refusal or asked:
+                return Choice(self.backend.name, reason)
+            return Choice(COMPILED, "it knows all tasks and objectives")
+        if self.refusal or observe:
+            return Choice(self.backend.name, self.refusal or "each configuration on the way is observed")
+        assert self.compiled is not None
+        if self.searching is None:
+            below = "its tasks have several levels" if self.problem.options.deadline is None else "there is a deadline"
+            return Choice(COMPILED, f"the search; the rest by {self.backend.name}, as {below}")
+        if self.problem.is_pose_alone or self.compiled.settles:
+            return Choice(COMPILED, "one task of the tip of a chain, and at most one posture")
+        return Choice(COMPILED, f"the search; the redundancy by {self.backend.name}, as its objectives are no posture")
+
+    def solve(self, target: Any, q0: np.ndarray | None, seed: np.ndarray, observe: Observer | None = None) -> Solution:
+        """Solve for one target, from a start (n,) or none. Raises `PoseError`, `FrameError`."""
+        compiled = self.searching
+        if compiled is None or observe is not None:
+            return self._by_reference(self.problem.target(target), q0, seed, observe)
+        fault, row, q, outcome, after = compiled.solve(self._native(target), q0, seed)
+        if fault:  # said in words, rounded, or for the reference engine
+            targets = self.problem.target(target)
+            if fault == compiled.NOT_RIGID:
+                solution = self.solve(targets.poses(), q0, seed)
+                return replace(solution, target_deviation=float(targets.deviations[0]))
+            return self._by_reference(targets, q0, seed)
+        found, attempt, spent, _, position, orientation, moved, _, left = outcome
+        reached = optimal = found > 0.0
+        gradient = cost = math.nan
+        if after:
+            arrived, more, gradient, cost, position, orientation = after
+            reached, spent = arrived > 0.0, spent + more
+            optimal = gradient <= self.problem.options.stationarity_tolerance
+        if not optimal or not (compiled.settles or self.problem.is_pose_alone):
+            return self._from_here(self.reference.finish(q, outcome, row, q0))
+        return solution_of(
+            q=q,
+            success=reached,
+            status=status_of(reached=reached, breaks_limits=False, proved=found < 0.0, stationary=True),
+            position_error=position,
+            orientation_error=orientation,
+            iterations=int(spent),
+            restarts=int(attempt),
+            cost=cost,
+            projected_gradient=gradient,
+            optimal=True,
+            start_projected=moved > 0.0,
+            target_deviation=0.0,
+            left_q0=left > 0.0,
+            backend=COMPILED,
+            _start=None if q0 is None else q0.copy(),
+            _target=row,
+            _origin=self,
+        )
+
+    def _by_reference(
+        self, targets: Targets, q0: np.ndarray | None, seed: np.ndarray, observe: Observer | None = None
+    ) -> Solution:
+        solution = self.reference.solve(targets, q0, seed, observe)
+        return self._from_here(solution, float(targets.deviations[0]))
+
+    def _from_here(self, solution: Solution, deviation: float = 0.0) -> Solution:
+        return replace(solution, target_deviation=deviation, _origin=self)
+
+    def _native(self, target: Any) -> np.ndarray:
+        """A target (4, 4) that kernels take, and check. Raises `PoseError` for what is no array of that kind."""
+        T = np.ascontiguousarray(target.homogeneous) if isinstance(target, pin.SE3) else target
+        far = FARTHEST * self.problem.robot.length
+        if is_native(T, (4, 4)) and not max(abs(T[0, 3]), abs(T[1, 3]), abs(T[2, 3])) > far:
+            return T
+        (pose,) = self.problem.target(target).poses().values()
+        return np.ascontiguousarray(pose.homogeneous)
+
+    def solve_batch(
+        self,
+        targets: Targets,
+        starts: np.ndarray | None,
+        seed: np.ndarray,
+        threads: int | None,
+        progress: Progress | None,
+    ) -> BatchSolution:
+        """Solve for N targets, from starts (N, n) or none."""
+        batch = BatchSolution.blank(self, self.name, starts, targets)
+        compiled, finite, count = self.searching, targets.is_finite, len(targets)
+        if compiled is None or not compiled.takes(starts):
+            for i in range(count):
+                if finite[i]:
+                    start = None if starts is None else starts[i]
+                    batch.put(i, self.reference.solve(targets[i], start, seed))
+                if progress is not None:
+                    progress(i + 1, count)
+            batch.refuse(~finite)
+            return batch
+        all_of_it = self.problem.is_pose_alone or compiled.settles  # else what takes the time is yet to come
+        rows = np.ascontiguousarray(targets.rows[:, 0])
+        outcomes = compiled.solve_batch(rows, starts, seed, threads, progress if all_of_it else None)
+        batch.put_arrays(outcomes.fields(self.problem.options.stationarity_tolerance))
+        left = np.flatnonzero(finite & ~(batch.optimal & all_of_it)).tolist()
+        for i in left:
+            start = None if starts is None else starts[i]
+            q, outcome = outcomes.q[i].copy(), outcomes.search[i].tolist()
+            batch.put(i, self.reference.finish(q, outcome, targets.rows[i], start))
+            if progress is not None and not all_of_it:
+                progress(i + 1, count)
+        if progress is not None and not (all_of_it or finite[-1:].all()):
+            progress(count, count)
+        batch.refuse(~finite)
+        return batch
+
+    def compiled_step(self, q: Any, target: Any, dt: float, velocity: Any) -> Step | None:
+        """A tick by the kernel; None if it does not take this, or limits beside those of the joints bind."""
+        done = None if self.compiled_tick is None else self.compiled_tick.tick(target, q, dt, velocity)
+        if done is None or not keeps_further_limits(self.reference.context, q, done[0], dt, velocity):
+            return None
+        ahead, speed, position, orientation, status = done
+        return Step(speed, ahead, position, orientation, status, COMPILED, self)
+
+    def reference_step(
+        self, q: np.ndarray, targets: Targets, now: Tick, deadline: float | None, keep_direction: bool
+    ) -> Step:
+        """A tick by the reference engine."""
+        cost, secondary = self.problem.costs(targets.poses())
+        at, context = self.problem.robot.at(q), self.reference.context
+        ahead, speed, status = tick(cost, secondary, at, context, now, deadline, keep_direction)
+        position, orientation = residual(cost, self.problem.robot.at(ahead))
+        return Step(speed, ahead, position, orientation, status, self.backend.name, self)
+
+    def explain(self, solution: Solution) -> Explanation:
+        """Why a solve ended as it did."""
+        from maira_qp.solvers.analysis.explanation import explain
+
+        return explain(solution, self._poses(solution), self.reference.context, self._resolve)
+
+    def _resolve(self, problem: Problem, poses: Poses, q0: np.ndarray) -> Solution:
+        # in compiled code where that is possible, unless somebody else was asked for
+        backend = None if self.backend == Backend("daqp") else self.backend
+        return Engines.build(problem, backend).solve(dict(poses) or None, q0, SEED_0)
+
+    def jacobian(self, solution: Solution) -> np.ndarray:
+        """The derivative (n, 6) of an answer by its target. Raises `SensitivityError`."""
+        at = self.problem.robot.at(solution.q)
+        return dq_dtarget(self._poses(solution), at, self.reference.context, solution.success)
+
+    def proof(self, solution: Solution) -> Proof | None:
+        """What proves that the target of a solution is out of reach."""
+        from maira_qp.solvers.certificates import Proofs  # heavy: Numba comes with it
+
+        proofs = Proofs.build(self.problem)
+        return None if proofs is None else proofs.proof(self._poses(solution))
+
+    def _poses(self, solution: Solution) -> Poses:
+        return poses_of(self.problem.frames, solution._target)
