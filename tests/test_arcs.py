@@ -229,7 +229,7 @@ def test_the_solver_and_the_arcs_agree(arms, rng):
         robot = arms[name]
         half = robot.limited(lower=0.5 * robot.lower, upper=0.5 * robot.upper)
         srs, solver = SRS.of(half), mq.Solver(half, options=mq.Options(max_restarts=60))
-        for _ in range(20):
+        for _ in range(10):
             T = robot.forward(robot.random_configuration(rng))
             found, solution = arcs(srs, T), solver.solve(T, rng=rng)
             assert solution.success == bool(found)
@@ -237,7 +237,7 @@ def test_the_solver_and_the_arcs_agree(arms, rng):
             if solution.success:
                 psi = swivel_of(srs, solution.q)
                 assert np.abs(through(found, psi) - solution.q).max(axis=1).min() < 1e-3
-    assert 4 < reached < 36
+    assert 2 < reached < 18
 
 
 @pytest.mark.parametrize("joint", [0, 1, 2, 4, 5, 6])

@@ -134,10 +134,9 @@ def piped(*arguments):
     return process.wait(timeout=300), told
 
 
-@pytest.mark.parametrize("flags", [(), ("--json",)])
-def test_the_verdict_outlives_the_reader(flags):
-    assert piped("solve", "--position", "0.4", "0", "0.5", *flags) == (0, [])
-    assert piped("solve", "--position", "9", "0", "0", *flags) == (3, [])
+def test_the_verdict_outlives_the_reader():
+    assert piped("solve", "--position", "0.4", "0", "0.5") == (0, [])
+    assert piped("solve", "--position", "9", "0", "0", "--json") == (3, [])
 
 
 def test_sigterm_in_the_middle_of_a_file_leaves_the_old_one(tmp_path):

@@ -114,7 +114,7 @@ class PlainWalk:
 @pytest.mark.parametrize("name", ["maira", "panda", "tiago", "ur5"])
 def test_the_walks_are_those_of_the_plain_one(name, objective, rng):
     """Nearly all to the last step: where one is decided by rounding, the paths part."""
-    robot, count = arm(name), few(40)
+    robot, count = arm(name), few(20)
     problem = Problem(robot, Strict(objective))
     rows, starts = reached_starts(robot, rng, count)
     q, steps = walks(problem, rows, starts)

@@ -136,7 +136,7 @@ def cases(robot: mq.Robot, rng: np.random.Generator, count: int):
 def test_each_kind_is_the_task_of_its_class(name, rng):
     """Cost, error, gradient, pull, rows, curvature of the cost and of the rows, damping; some by differences."""
     robot = arm(name)
-    for q, target in cases(robot, rng, few(25)):
+    for q, target in cases(robot, rng, few(10)):
         at, x = robot.at(q), rng.normal(size=robot.n)
         for label, task in tasks_of(robot, rng, target).items():
             model, cost = Kernel(robot, task)(q, x), TaskCost((task,))

