@@ -25,7 +25,6 @@ from maira_qp.kernels.kinematics.unwrap import unwind
 from maira_qp.kernels.search.levenberg_marquardt import MAX_ITERATIONS
 from maira_qp.kernels.search.multi_start import (
     ATTEMPT,
-    FAR_START,
     FARTHEST_START,
     FINAL_COST,
     MOVED,
@@ -33,6 +32,7 @@ from maira_qp.kernels.search.multi_start import (
     POSITION_ERROR,
     SPENT,
     SUCCESS,
+    TOO_FAR,
     admit,
     memory_sizes,
 )
@@ -350,12 +350,12 @@ def test_what_cannot_be_searched_for_or_from_is_told(rng):
     for value in (np.nan, np.inf, 1.001 * FARTHEST_START, -2 * FARTHEST_START):
         q0 = np.zeros(7)
         q0[rng.integers(7)] = value
-        assert admitted(T, q0, words)[0] == FAR_START
+        assert admitted(T, q0, words)[0] == TOO_FAR
     assert admitted(T, np.full(7, FARTHEST_START), words)[0] == FINE
 
 
 def admitted(T: np.ndarray, q0: np.ndarray, seed: np.ndarray) -> tuple[int, np.ndarray, int]:
     """What `admit` returns, the row (12,) and the stream."""
     row, stream = np.full((1, 12), np.nan), np.zeros(1, dtype=np.uint64)
-    fault = admit(T, ORTHONORMAL_WITHIN, q0.reshape(-1, 7), seed, row, stream)
+    fault = admit(T, ORTHONORMAL_WITHIN, 10.0, q0.reshape(-1, 7), seed, row, stream)
     return fault, row[0], int(stream[0])

@@ -102,7 +102,7 @@ class Problem:
             *self.additional_limits,
         )
 
-    @property
+    @cached_property
     def is_pose_alone(self) -> bool:
         """There is nothing below the first level."""
         return not self.hierarchy.lower and self.redundancy is None

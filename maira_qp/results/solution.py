@@ -167,7 +167,7 @@ class Solution(Answer):
 def solution_of(**values: Any) -> Solution:
     """A `Solution` with these values; a frozen class's own constructor would take as long as a few iterations."""
     solution = object.__new__(Solution)
-    solution.__dict__.update(values)
+    object.__setattr__(solution, "__dict__", values)
     return solution
 
 

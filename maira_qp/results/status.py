@@ -55,8 +55,10 @@ ORDER = (Status.CONVERGED, Status.LIMITS_BROKEN, Status.UNREACHABLE, Status.NEAR
 
 def status_of(*, reached: bool, breaks_limits: bool, proved: bool, stationary: bool) -> Status:
     """The status of a solve: of what was reached, is proved of the target, and is stationary where it ended."""
-    holds = (reached, breaks_limits, proved, stationary)
-    return next((status for status, one in zip(ORDER, holds, strict=True) if one), Status.BUDGET_SPENT)
+    for status, holds in zip(ORDER, (reached, breaks_limits, proved, stationary)):  # noqa: B905, it is timed
+        if holds:
+            return status
+    return Status.BUDGET_SPENT
 
 
 def statuses_of(

@@ -20,7 +20,7 @@ from maira_qp.errors import BackendError, listed, shown
 from maira_qp.problem.limits.joint import Tick
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.backends import Backend, available
-from maira_qp.problem.targets import FARTHEST, SEED_0, Poses, Targets, poses_of
+from maira_qp.problem.targets import SEED_0, Poses, Targets, poses_of
 from maira_qp.results.batch import BatchSolution
 from maira_qp.results.solution import Solution, solution_of
 from maira_qp.results.status import status_of
@@ -121,6 +121,11 @@ class Engines:
         several = len(self.problem.hierarchy.all_tasks) > len(self.problem.tasks)
         return None if self.refusal or several or self.problem.options.deadline is not None else self.compiled
 
+    @cached_property
+    def is_compiled_whole(self) -> bool:
+        """The compiled engine takes the redundancy too."""
+        return self.compiled is not None and (self.problem.is_pose_alone or self.compiled.settles)
+
     def choice(
         self, verb: str, *, observe: bool = False, deadline: bool = False, keep_direction: bool = False
     ) -> Choice:
@@ -132,11 +137,10 @@ class Engines:
             return Choice(COMPILED, "it knows all tasks and objectives")
         if self.refusal or observe:
             return Choice(self.backend.name, self.refusal or "each configuration on the way is observed")
-        assert self.compiled is not None
         if self.searching is None:
             below = "its tasks have several levels" if self.problem.options.deadline is None else "there is a deadline"
             return Choice(COMPILED, f"the search; the rest by {self.backend.name}, as {below}")
-        if self.problem.is_pose_alone or self.compiled.settles:
+        if self.is_compiled_whole:
             return Choice(COMPILED, "one task of the tip of a chain, and at most one posture")
         return Choice(COMPILED, f"the search; the redundancy by {self.backend.name}, as its objectives are no posture")
 
@@ -159,7 +163,7 @@ class Engines:
             arrived, more, gradient, cost, position, orientation = after
             reached, spent = arrived > 0.0, spent + more
             optimal = gradient <= self.problem.options.stationarity_tolerance
-        if not optimal or not (compiled.settles or self.problem.is_pose_alone):
+        if not optimal or not self.is_compiled_whole:
             return self._from_here(self.reference.finish(q, outcome, row, q0))
         return solution_of(
             q=q,
@@ -193,9 +197,8 @@ class Engines:
     def _native(self, target: Any) -> np.ndarray:
         """A target (4, 4) that kernels take, and check. Raises `PoseError` for what is no array of that kind."""
         T = np.ascontiguousarray(target.homogeneous) if isinstance(target, pin.SE3) else target
-        far = FARTHEST * self.problem.robot.length
-        if is_native(T, (4, 4)) and not max(abs(T[0, 3]), abs(T[1, 3]), abs(T[2, 3])) > far:
-            return T
+        if is_native(T, (4, 4)):
+            return T  # type: ignore[no-any-return]
         (pose,) = self.problem.target(target).poses().values()
         return np.ascontiguousarray(pose.homogeneous)
 
@@ -219,7 +222,7 @@ class Engines:
                     progress(i + 1, count)
             batch.refuse(~finite)
             return batch
-        all_of_it = self.problem.is_pose_alone or compiled.settles  # else what takes the time is yet to come
+        all_of_it = self.is_compiled_whole  # else what takes the time is yet to come
         rows = np.ascontiguousarray(targets.rows[:, 0])
         outcomes = compiled.solve_batch(rows, starts, seed, threads, progress if all_of_it else None)
         batch.put_arrays(outcomes.fields(self.problem.options.stationarity_tolerance))

@@ -39,7 +39,7 @@ from maira_qp.kernels.spatial.pose_validation import FINE, pose_row
 
 NOBODY = -1
 
-FARTHEST_START, FAR_START = 1e5, -1
+FARTHEST_START, TOO_FAR = 1e5, -1
 """Joint values [rad or m] beyond the first the kernels do not begin at: their sine loses digits; or NaN."""
 
 # the entries of an outcome
@@ -276,16 +276,20 @@ def _is_outside(chain, rows, k):
 
 
 @bare_kernel
-def admit(T, within, starts, seed, row, stream):
+def admit(T, within, farthest, starts, seed, row, stream):
     """A target T (4, 4) as a row (1, 12), and its stream (1,) under a seed (2,), for a search from starts (1 or 0, n).
 
-    Returns what is wrong with the target, see `rigid`, or `FAR_START`.
+    Returns what is wrong with the target, see `pose_validation`; `TOO_FAR` if it is further than `farthest` [m] in one
+    coordinate, or the start is beyond `FARTHEST_START`.
     """
     fault = pose_row(T, within, row[0])
     for k in range(len(starts)):
         for i in range(starts.shape[1]):
             if not abs(starts[k, i]) <= FARTHEST_START:
-                fault = FAR_START
+                fault = TOO_FAR
+    for i in range(9, 12):
+        if fault == FINE and abs(row[0, i]) > farthest:
+            fault = TOO_FAR
     if fault == FINE:
         stream[0] = stream_of(row[0], seed)
     return fault

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, lru_cache
 from threading import Event
 from typing import NamedTuple
 
@@ -61,6 +61,9 @@ ELSEWHERE, WORTH = 6, 1.02
 its objective may be there. In a fold of the self-motion the tolerances of the pose are worth a percent of it."""
 
 
+sizes_of = lru_cache(memory_sizes)
+
+
 class Asked(NamedTuple):
     """Targets, and where the search for each begins."""
 
@@ -97,19 +100,21 @@ class Compiled(ProblemArrays):
         the target (1, 12), q (n,), the outcome of the search (9,), and, where more was to be done than to reach the
         pose, that of the refinement (6,), see `_finish`.
         """
-        row, stream = np.empty((1, 12)), np.empty(1, np.uint64)
-        q, outcome, after, starts = np.empty((1, self.robot.n)), np.empty((1, OUTCOME)), [], self._starts(q0)
-        fault = admit(T, ORTHONORMAL_WITHIN, starts, seed, row, stream)
-        if fault == FINE:
-            asked = Asked(row, starts, stream, seed is not SEED_0 and bool(seed.any()))
-            self.find(asked, q, outcome)
-            if self.settles or not outcome[0, SUCCESS] > 0.0:
-                after = self._finish(asked, q, outcome).ravel().tolist()
+        n = self.n
+        row, stream, q, outcome = np.empty((1, 12)), np.empty(1, np.uint64), np.empty((1, n)), np.empty((1, OUTCOME))
+        starts = self.no_starts if q0 is None else q0.reshape(1, n)
+        fault = admit(T, ORTHONORMAL_WITHIN, self.farthest, starts, seed, row, stream)
+        if fault != FINE:
+            return fault, row, q[0], [], []
+        asked, after = Asked(row, starts, stream, seed is not SEED_0 and bool(seed.any())), []
+        self.find(asked, q, outcome)
+        if self.settles or not outcome[0, SUCCESS] > 0.0:
+            after = self._finish(asked, q, outcome).ravel().tolist()
         return fault, row, q[0], outcome[0].tolist(), after
 
     def _starts(self, q0: np.ndarray | None) -> np.ndarray:
         """Starts (N, n) of a search: q0 (n,) or (N, n), or none of them."""
-        return np.empty((0, self.robot.n)) if q0 is None else q0.reshape(-1, self.robot.n)
+        return self.no_starts if q0 is None else q0.reshape(-1, self.n)
 
     def find(self, asked: Asked, q: np.ndarray, outcome: np.ndarray, halted: Event = NEVER) -> None:
         """Search for q (N, n) that reach the targets, and see whether those that resist are out of reach.
@@ -421,7 +426,7 @@ class Compiled(ProblemArrays):
 
     def attempts(self, asked: Asked, first: int, last: int, q: np.ndarray, outcome: np.ndarray) -> int:
         """The attempts first, ..., last at the targets, see `kernels.search.multi_start`; how many are left open."""
-        floats, integers = memory_sizes(self.robot.n, last - first + 1)
+        floats, integers = sizes_of(self.n, last - first + 1)
         return search(
             self.chain,
             self.settings,

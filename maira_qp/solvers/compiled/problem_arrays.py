@@ -6,6 +6,7 @@ One task of the tip of a serial chain with box limits, and, if there is a redund
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,7 @@ from maira_qp.kernels.search.multi_start import FARTHEST_START
 from maira_qp.problem.objectives import LimitDistance, Posture
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.redundancy import Strict
+from maira_qp.problem.targets import FARTHEST
 from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.robots.model.revolutions import WholeTurns
 from maira_qp.robots.model.robot import Robot
@@ -148,10 +150,25 @@ class ProblemArrays:
         """The problem's robot."""
         return self.problem.robot
 
-    @property
+    @cached_property
+    def n(self) -> int:
+        """How many joints there are."""
+        return self.problem.robot.n
+
+    @cached_property
+    def no_starts(self) -> np.ndarray:
+        """Starts (0, n)"""
+        return np.empty((0, self.n))
+
+    @cached_property
+    def farthest(self) -> float:
+        """A coordinate of a target beyond this [m] is a mistake."""
+        return FARTHEST * self.robot.length
+
+    @cached_property
     def settles(self) -> bool:
         """There is a redundancy, and the kernels know it."""
-        return self.redundancy is not None and self.redundancy[KIND] != NONE
+        return self.redundancy is not None and bool(self.redundancy[KIND] != NONE)
 
     def wish(self, q: np.ndarray) -> np.ndarray:
         """What the redundancy's objective is (N,) at configurations q (N, n), where the kernels know it; else 0."""
