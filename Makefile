@@ -3,19 +3,22 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 # Tests of kernels that are run once more as Numba compiles them without the project's own passes, kernels/parts.py.
-WITHOUT_PASSES := tests/test_kernels_rigid.py tests/test_kernels_random_numbers.py tests/test_kernels_qp.py
+WITHOUT_PASSES := tests/unit/kernels/test_rigid.py tests/unit/kernels/test_random_numbers.py tests/unit/kernels/test_qp.py
 
-.PHONY: demo test lint examples clean
+.PHONY: demo test quick lint examples clean
 
 demo: .venv/.ready ## solve random poses with both redundancy methods and the plain reference, compare them
 	$(BIN)/maira-qp compare --picture output/comparison.png
 
 test: .venv/.ready ## run the tests; those of the kernels again as plain Python, where an index out of bounds is an error; some as other processors round
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist loadgroup
-	OMP_NUM_THREADS=1 NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n auto tests/test_kernels_*.py
+	OMP_NUM_THREADS=1 NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n auto tests/unit/kernels tests/conformance/kernels
 	OMP_NUM_THREADS=1 OPENBLAS_CORETYPE=Haswell $(BIN)/python -m pytest -q -n auto -m rounding
 	OMP_NUM_THREADS=1 OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic $(BIN)/python -m pytest -q -n auto -m rounding
 	OMP_NUM_THREADS=1 MAIRA_QP_INLINE=0 $(BIN)/python -m pytest -q -n 0 $(WITHOUT_PASSES)
+
+quick: .venv/.ready ## run the unit tests alone: under a minute once the kernels are compiled
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist loadgroup tests/unit
 
 lint: .venv/.ready ## style, types, and the import contract
 	$(BIN)/ruff check .

@@ -18,7 +18,7 @@ from compiled_problems import (
     three_tasks,
 )
 from derivatives import difference_jacobian
-from test_kernels_chain import random_chain
+from test_chain import random_chain
 
 import maira_qp as mq
 from maira_qp.kernels.kinematics.serial_chain import jacobian

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from compiled_problems import arm, few, reachable_rows
-from test_kernels_qp import solve_eight
-from test_kernels_settling import STATIONARY, Problem, reached_starts
+from test_qp import solve_eight
+from test_refinement import STATIONARY, Problem, reached_starts
 
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES

@@ -12,7 +12,7 @@ from compiled_problems import (
     row_of,
     three_tasks,
 )
-from test_kernels_random_numbers import splitmix
+from test_random_numbers import splitmix
 
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES

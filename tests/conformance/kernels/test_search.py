@@ -16,7 +16,7 @@ from compiled_problems import (
     row_of,
     search_for,
 )
-from test_kernels_starts import features_of, nearest_of, poses_of, start_of
+from test_starts import features_of, nearest_of, poses_of, start_of
 
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES

@@ -17,7 +17,7 @@ from compiled_problems import (
     three_tasks,
 )
 from numba import njit
-from test_kernels_chain import random_chain
+from test_chain import random_chain
 
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES, load, select, store

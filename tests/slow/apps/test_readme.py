@@ -8,7 +8,7 @@ import pytest
 
 from maira_qp.apps.cli import _parse
 
-README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+README = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", README, flags=re.MULTILINE | re.DOTALL)
 COMMANDS = re.findall(r"^    (maira-qp [^|>\n]*)", README, flags=re.MULTILINE)
 

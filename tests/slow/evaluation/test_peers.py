@@ -12,7 +12,7 @@ from rich.console import Console
 from maira_qp.evaluation.judge import Judge as UrdfWalk
 from maira_qp.evaluation.judge import turn
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
 from peers import arms, clock, line_up, picture, questions, report, results
 from peers.contestants import BatchContestant, Contestant
 from peers.judge import Judge
