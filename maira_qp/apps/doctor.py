@@ -50,8 +50,8 @@ PACKAGES = {"proxqp": "proxsuite"}
 SOLVED = 1e-6
 """A QP is solved if no entry of x is further off."""
 FIRST = {
-    "search.search": "the first solve compiles for some 15 seconds",
-    "lane_walk.settle_in_lanes": "the first with a redundancy for some 10 more",
+    "search.multi_start.search": "the first solve compiles for some 10 seconds",
+    "refinement.stabilized_sqp_simd.settle_in_lanes": "the first with a redundancy for some 10 more",
 }
 """What is to be expected where a kernel has not been compiled yet."""
 AT_POSE = 2e-6

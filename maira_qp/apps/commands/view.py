@@ -32,7 +32,9 @@ class View:
             raise OptionError(f"port must be from 0 to 65535, got {self.port}")
         from maira_qp.apps.viewer.server import Viewer
 
-        logging.getLogger("maira_qp.robots").setLevel(logging.ERROR)  # missing meshes are told in the page
+        log = logging.getLogger("maira_qp.robots")
+        level = log.level
+        log.setLevel(logging.ERROR)  # missing meshes are told in the page
         viewer = Viewer(self.choice, self.host, self.port)
         sys.stdout.write(f"the viewer of {viewer.current.robot.name} is at {viewer.url} (Ctrl-C ends it)\n")
         sys.stdout.flush()
@@ -41,3 +43,4 @@ class View:
                 time.sleep(3600)
         finally:
             viewer.close()
+            log.setLevel(level)

@@ -183,7 +183,7 @@ def test_rounded_flags_and_files_are_taken_and_the_answer_says_so(run, tmp_path)
     (tmp_path / "p.csv").write_text("x,y,z,qw,qx,qy,qz\n0.4,0,0.5,0,0.707,0.707,0\n0.4,0,0.5,0,1,0,0\n,,,,,,\n")
     code, out, _ = run("solve", "--batch", tmp_path / "p.csv", "--json")
     summary = json.loads(out)
-    assert (code, summary["solved"], summary["invalid_target"], summary["targets_rounded"]) == (1, 2, 1, 1)
+    assert (code, summary["solved"], summary["invalid_target"], summary["targets_rounded"]) == (5, 2, 1, 1)
     assert 1e-4 < summary["worst_target_deviation"] < 2e-3
     (tmp_path / "p.csv").write_text("x,y,z,qw,qx,qy,qz\n0.4,0,0.5,0,0.72,0.72,0\n")
     assert misuse(run("solve", "--batch", tmp_path / "p.csv")).endswith("--project\n")

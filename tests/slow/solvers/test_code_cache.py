@@ -237,8 +237,10 @@ def package(tmp_path) -> Path:
     kernels = tmp_path / "site" / "maira_qp" / "kernels"
     kernels.mkdir(parents=True)
     (kernels.parent / "__init__.py").touch()
-    for name in ("__init__", "compilation", "code_cache", "parts"):
-        shutil.copy(KERNELS / f"{name}.py", kernels)
+    shutil.copy(KERNELS / "__init__.py", kernels)
+    (kernels / "jit").mkdir()
+    for name in ("__init__", "decorators", "code_cache", "inlining"):
+        shutil.copy(KERNELS / "jit" / f"{name}.py", kernels / "jit")
     (kernels / "inner.py").write_text(INNER)
     (kernels / "outer.py").write_text(OUTER)
     return kernels

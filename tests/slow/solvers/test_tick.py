@@ -141,4 +141,4 @@ def test_full_speed_is_the_limit_and_not_a_digit_more(maira, backend, rng):
     target = robot.forward(robot.middle - 0.8)
     for dt in lengths:
         t = solver.step(q, target, dt)
-        assert np.abs(t.velocity).max() == speed
+        assert speed * (1 - 1e-12) < np.abs(t.velocity).max() <= speed

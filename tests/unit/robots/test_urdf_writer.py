@@ -39,7 +39,7 @@ def joints(text):
 
 def test_the_file_at_the_root_is_up_to_date():
     """Remake it with `maira-qp urdf --output maira.urdf` when the table or the writer changes."""
-    path = Path(__file__).parent.parent / "maira.urdf"
+    path = Path(__file__).parents[3] / "maira.urdf"
     assert path.read_text(encoding="utf-8") == urdf_text(catalog.maira())
 
 
