@@ -1,13 +1,13 @@
 """Which engine runs when, and why: the engines of one problem, and the choice between them for each call.
 
 The compiled engine takes what it knows, the reference engine everything. `Engines.choice` says which and gives the
-reason in words; the tables of the README are what it says.
+reason in words; `tables` sums it up, for the README.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -37,6 +37,63 @@ if TYPE_CHECKING:
     from maira_qp.solvers.compiled.step import CompiledTick
 
 COMPILED = "compiled"
+
+SOLVES = (
+    (
+        "one pose, position or orientation task of the tip of a serial chain of 1 to some 30 joints, joint limits; no "
+        "redundancy, or `Weighted` or `Strict` with one `Posture` or `LimitDistance`",
+        "compiled (Numba): for S-R-S arms the closed form, then the search, settling of the redundancy, nearest points",
+        '`"compiled"`',
+    ),
+    (
+        "the same with another objective, or several, or with tasks below",
+        "the search compiled, the rest by the reference engine",
+        '`"compiled"`',
+    ),
+    (
+        "the same with a `deadline`, or a redundancy that cannot be settled at a singular pose",
+        "the search compiled, the rest by the reference engine",
+        '`"compiled"`',
+    ),
+    (
+        'several tasks, trees, further limits, mimic joints, `observe=...`, or `backend="daqp"` and the like',
+        "the reference engine: Pinocchio and the backend, an iteration at a time",
+        "its name",
+    ),
+)
+"""What a solve is asked, who answers, and what `Solution.backend` says."""
+
+STEPS = (
+    (
+        "every task but `LimitTask` and classes of one's own, at any levels; a posture as the only thing in its level, "
+        "or `Weighted`; limits of speed and acceleration; chains and trees without mimic joints",
+        "compiled",
+    ),
+    (
+        "the same with collisions or other further limits",
+        "compiled in the ticks in which these do not bind, reference in the others",
+    ),
+    (
+        'other tasks and objectives, mimic joints, a `deadline`, `keep_direction`, or `backend="daqp"` and the like',
+        "reference",
+    ),
+)
+"""What a tick is asked, and who answers."""
+
+
+def tables() -> str:
+    """The two tables of the README, in Markdown."""
+    solves = _table(("`solve`, `solve_batch`", "engine", "`s.backend`"), SOLVES)
+    return f"{solves}\n\n{_table(('`step`', 'engine'), STEPS)}"
+
+
+def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    return "\n".join([_row(head), "|" + "---|" * len(head), *map(_row, rows)])
+
+
+def _row(cells: tuple[str, ...]) -> str:
+    return f"| {' | '.join(cells)} |"
+
 
 Observer = Callable[[np.ndarray], object]
 Progress = Callable[[int, int], object]

@@ -1,0 +1,60 @@
+"""Which engine runs when: what is said beforehand is what happens, and what the README's tables say."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import maira_qp as mq
+from maira_qp.errors import BackendError, OptionError
+from maira_qp.solvers.dispatch import tables
+
+POSTURE = mq.Strict(mq.Posture())
+CASES = {
+    "the pose alone": ({}, "compiled", "compiled"),
+    "a posture": ({"redundancy": POSTURE}, "compiled", "compiled"),
+    "another objective": ({"redundancy": mq.Strict(mq.Manipulability())}, "compiled", "daqp"),
+    "tasks below": ({"tasks": [mq.PositionTask(frame="link4", priority=2)]}, "compiled", "compiled"),
+    "two tasks": ({"task": [mq.PositionTask(), mq.OrientationTask()]}, "daqp", "compiled"),
+    "a limit": ({"limits": [mq.LinearLimit(np.eye(7)[:1], np.array([3.0]))]}, "daqp", "compiled"),
+    "a soft limit": (
+        {"tasks": [mq.LimitTask(limit=mq.LinearLimit(np.eye(7)[:1], np.ones(1)), priority=2)]},
+        "compiled",
+        "daqp",
+    ),
+    "a backend": ({"backend": "proxqp"}, "proxqp", "proxqp"),
+    "a deadline": ({"options": mq.Options(deadline=5.0)}, "compiled", "compiled"),
+}
+
+
+@pytest.mark.parametrize("label", CASES)
+def test_the_engine_is_the_one_that_was_said(maira, label):
+    arguments, solves, steps = CASES[label]
+    solver, q = mq.Solver(maira, **arguments), maira.middle + 0.3
+    assert solver.engine_for("solve").engine == solver.engine_for("solve_batch").engine == solves
+    assert solver.engine_for("step").engine == steps
+    assert solver.engine_for("solve").reason
+    frames = solver.problem.frames
+    target = {frame: maira.forward(q, frame) for frame in frames}
+    assert solver.solve(target, maira.middle + 0.1).backend == solves
+    assert solver.step(maira.middle, target, 0.01).backend == steps
+
+
+def test_what_a_call_asks_for_may_need_the_other_engine(maira):
+    solver, q = mq.Solver(maira), maira.middle
+    assert solver.engine_for(observe=True).engine == "daqp"
+    assert "observed" in str(solver.engine_for(observe=True))
+    for flag, argument in (("deadline", 1.0), ("keep_direction", True)):
+        assert solver.engine_for("step", **{flag: True}).engine == "daqp"
+        assert solver.step(q, maira.forward(q + 0.1), 0.01, **{flag: argument}).backend == "daqp"
+
+
+def test_why_the_compiled_engine_cannot_take_a_problem_is_said(maira):
+    with pytest.raises(BackendError, match="it has more than one task"):
+        mq.Solver(maira, task=[mq.PositionTask(), mq.OrientationTask()], backend="compiled")
+    with pytest.raises(OptionError, match="solve, solve_batch, step"):
+        mq.Solver(maira).engine_for("dance")
+
+
+def test_the_tables_of_the_readme_are_those_of_the_dispatch():
+    assert tables() in (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
