@@ -24,7 +24,7 @@ from maira_qp.problem.targets import SEED_0, Poses, Targets, poses_of
 from maira_qp.results.batch import BatchSolution
 from maira_qp.results.solution import Solution, solution_of
 from maira_qp.results.status import status_of
-from maira_qp.results.step import Step
+from maira_qp.results.step import Step, step_of
 from maira_qp.solvers.analysis.sensitivity import dq_dtarget
 from maira_qp.solvers.reference.context import Context
 from maira_qp.solvers.reference.engine import ReferenceEngine, residual
@@ -301,7 +301,15 @@ class Engines:
         if done is None or not keeps_further_limits(self.reference.context, q, done[0], dt, velocity):
             return None
         ahead, speed, position, orientation, status = done
-        return Step(speed, ahead, position, orientation, status, COMPILED, self)
+        return step_of(
+            velocity=speed,
+            q=ahead,
+            position_error=position,
+            orientation_error=orientation,
+            status=status,
+            backend=COMPILED,
+            _origin=self,
+        )
 
     def reference_step(
         self, q: np.ndarray, targets: Targets, now: Tick, deadline: float | None, keep_direction: bool

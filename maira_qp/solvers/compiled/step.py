@@ -37,6 +37,8 @@ from maira_qp.solvers.compiled.task_arrays import known, task_arrays
 from maira_qp.solvers.reference.step import HALVINGS, split_equalities
 from maira_qp.solvers.reference.step_models import LEAST_DAMPING
 
+STATUSES = tuple(StepStatus)
+
 Ticked = tuple[np.ndarray, np.ndarray, float, float, StepStatus]
 
 
@@ -134,7 +136,8 @@ class CompiledTick:
         )
         if fault != FINE:
             return None
-        return out[:n], out[n:-3], float(out[-3]), float(out[-2]), StepStatus(int(out[-1]))
+        position, orientation, status = out[2 * n :].tolist()
+        return out[:n], out[n : 2 * n], position, orientation, STATUSES[int(status)]
 
     def _poses(self, target: Any) -> np.ndarray | None:
         """The targets of a call below each other (4 K, 4), unchecked; None for what is none."""
