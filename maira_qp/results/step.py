@@ -29,7 +29,7 @@ class Step(OfProblem):
     status: StepStatus
     """What the arm is doing"""
     backend: str
-    """Which engine made it: "compiled", or the name of the QP backend in the general engine"""
+    """Which engine made it: "compiled", or the name of the QP backend in the reference engine"""
     _origin: Origin | None = field(default=None, repr=False)
 
     @cached_property

@@ -294,7 +294,7 @@ class Solver(Shown):
             keep_direction: where limits do not allow the motion that the tasks of the first level ask for, scale it,
                 all tasks by the same factor in [0, 1], which may be 0 at a limit of a joint; False: do what is nearest
                 to it by least squares, in whatever direction. Levels below move in the null space as ever. What a joint
-                must do to brake or to come back within limits goes before. By the general engine.
+                must do to brake or to come back within limits goes before. By the reference engine.
 
         Raises `PoseError`, `ConfigurationError`, `OptionError`.
         """

@@ -1,4 +1,4 @@
-"""The compiled tick against the general engine, on chains and trees, at one to four levels; and what it promises.
+"""The compiled tick against the reference engine, on chains and trees, at one to four levels; and what it promises.
 
 Where two of a tick's numbers are the same but for rounding, the engines may decide differently: a level that can gain
 nothing more, and whose cost the levels below may therefore not raise by a digit; rows that say nothing new, at a
@@ -122,7 +122,7 @@ def distance(a: mq.Step, b: mq.Step, dt: float) -> float:
 
 
 def assert_ticks_agree(robot: mq.Robot, cases: dict, acceleration: float | None, rng) -> None:
-    """Compiled ticks are those of the general engine, but where one of them parts for a q moved by rounding."""
+    """Compiled ticks are those of the reference engine, but where one of them parts for a q moved by rounding."""
     ticks, differ = 0, []
     for label, arguments in cases.items():
         compiled, general = (mq.Solver(robot, backend=backend, **arguments) for backend in (None, "daqp"))
@@ -271,7 +271,7 @@ def test_a_task_with_a_target_of_its_own_and_an_elbow(rng):
 
 
 def test_its_answer_counts_where_further_limits_do_not_bind(panda, rng):
-    """A row that binds in some ticks and not in others: always what the general engine answers, and within the row."""
+    """A row that binds in some ticks and not in others: always what the reference engine answers, and within the row."""
     limits, bound, general = [mq.LinearLimit(np.eye(7)[[0, 2]], [0.3, 0.3])], 0, 0
     fast, slow = (mq.Solver(panda, limits=limits, redundancy=STRICT, backend=backend) for backend in (None, "daqp"))
     free = mq.Solver(panda, redundancy=STRICT)

@@ -68,7 +68,7 @@ class Picture(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class Convergence(Picture):
-    """Pose error against the iteration of one solve, by the general engine."""
+    """Pose error against the iteration of one solve, by the reference engine."""
 
     name = "convergence"
 

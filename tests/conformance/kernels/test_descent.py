@@ -1,4 +1,4 @@
-"""Eight compiled descents take the steps of the general engine, each as if it were alone."""
+"""Eight compiled descents take the steps of the reference engine, each as if it were alone."""
 
 from dataclasses import replace
 

@@ -39,7 +39,7 @@ def walks(problem: Problem, rows: np.ndarray, starts: np.ndarray) -> tuple[np.nd
 
 
 class PlainWalk:
-    """The slow twin: the method as the kernel's docstring has it, for one target, on the general engine's terms."""
+    """The slow twin: the method as the kernel's docstring has it, for one target, on the reference engine's terms."""
 
     def __init__(self, problem: Problem, row: np.ndarray, start: np.ndarray) -> None:
         self.robot, self.reference, self.weights = problem.robot, problem.reference, problem.weights

@@ -86,7 +86,7 @@ def test_the_rank_threshold_divides_where_it_says(factor_of_it, dimension, rng):
 
 
 def test_what_the_hierarchy_takes_for_a_null_space_is_one_here_too(rng):
-    """So no projected gradient can be smaller than the general engine's for want of a direction."""
+    """So no projected gradient can be smaller than the reference engine's for want of a direction."""
     for _ in range(few(2000)):
         s = np.r_[10 ** -rng.uniform(0, 4, 5), 0.99 * THRESHOLD_OF_THE_HIERARCHY]
         s[0] = 1.0

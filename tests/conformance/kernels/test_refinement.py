@@ -1,4 +1,4 @@
-"""The kernels of the redundancy: the general engine's answers, and optimal by its measure, whatever the start."""
+"""The kernels of the redundancy: the reference engine's answers, and optimal by its measure, whatever the start."""
 
 from dataclasses import replace
 
@@ -98,7 +98,7 @@ class Problem:
         return settle_generally(self.redundancy, cost, self.robot.at(start), self.setting, Budget(None), reached)
 
     def left(self, row: np.ndarray, q: np.ndarray) -> float:
-        """The projected gradient at q (n,) by the general engine's own measure."""
+        """The projected gradient at q (n,) by the reference engine's own measure."""
         at, cost = self.robot.at(q), self.cost(row)
         if self.weight:
             return stationarity(WeightedCost(cost, self.objective, self.weight), at, self.setting)
@@ -111,7 +111,7 @@ class Problem:
         return self.cost(row).value(self.robot.at(q)) + self.weight * value if self.weight else value
 
     def assert_told_as_it_is(self, row: np.ndarray, q: np.ndarray, outcome: np.ndarray) -> None:
-        """The outcome by the general engine: never a false optimum, and no optimum of Strict off the pose."""
+        """The outcome by the reference engine: never a false optimum, and no optimum of Strict off the pose."""
         at, cost = self.robot.at(q), self.cost(row)
         position, orientation = cost.tasks[0].residual(at)
         assert bool(outcome[REACHED]) == self.solver.engines.reference.reached(cost)(at)
@@ -133,7 +133,7 @@ def reached_starts(robot: mq.Robot, rng, count: int, task=None) -> tuple[np.ndar
 
 
 def compare(problem: Problem, rows: np.ndarray, starts: np.ndarray, within: float = 1e-5) -> tuple[int, int, int]:
-    """How many settle where the general engine does, how many are optimal there, and how many here.
+    """How many settle where the reference engine does, how many are optimal there, and how many here.
 
     But near singularities, where an error of 1e-6 is worth a lot, Strict regains the pose to 1e-11: it is to be no
     worse than what the start becomes by that.
@@ -334,7 +334,7 @@ def test_locked_joints_stay_where_they_are(joints, task, maira, rng):
 @pytest.mark.parametrize("stratum", ["one joint on its limit", "all joints on limits", "stretched elbow", "zero"])
 @pytest.mark.parametrize("name", ["maira", "panda", "tiago"])
 def test_hostile_starts_are_settled_or_told(name, stratum, rng):
-    """Never out of the limits, off the pose or a false optimum; the general engine settles no more of them."""
+    """Never out of the limits, off the pose or a false optimum; the reference engine settles no more of them."""
     robot, problem = arm(name), Problem(arm(name), Strict(mq.Posture()))
     optimal = general = 0
     for k in range(few(12)):

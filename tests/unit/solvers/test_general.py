@@ -1,4 +1,4 @@
-"""What an answer of the general engine rests on: tolerances, verdict, limits, each by itself."""
+"""What an answer of the reference engine rests on: tolerances, verdict, limits, each by itself."""
 
 import numpy as np
 import pytest

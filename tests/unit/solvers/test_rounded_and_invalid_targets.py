@@ -46,7 +46,7 @@ def test_a_rounded_target_is_its_nearest_rotation_in_both_engines_and_the_answer
 
 @pytest.mark.parametrize("robot", ["maira", "panda", "tree"])
 def test_a_batch_row_without_a_pose_is_answered_by_nan_and_spoils_no_other(robot, request, rng):
-    """In the compiled engine, in the general one, and of several frames, as arrays and as mappings."""
+    """In the compiled engine, in the reference one, and of several frames, as arrays and as mappings."""
     made = load("baxter_arms") if robot == "tree" else request.getfixturevalue(robot)
     solver = mq.Solver(made)
     q = np.array([made.random_configuration(rng) for _ in range(4)])
