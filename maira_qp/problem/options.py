@@ -1,4 +1,4 @@
-"""Every number that a solve depends on, in one frozen class; the command line is made from the same class."""
+"""Tolerances and budgets of a solve, in one frozen class; the command line is made from the same class."""
 
 from __future__ import annotations
 

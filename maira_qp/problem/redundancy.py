@@ -1,4 +1,4 @@
-"""The two ways to use an arm's redundancy: a weighted trade-off, or a strict hierarchy."""
+"""The two ways to use the redundancy of an arm: a weighted sum, or a strict hierarchy."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from maira_qp.robots.model.robot import Robot
 
 @dataclass(frozen=True)
 class Weighted:
-    """The objective stands beside the pose in one cost, `1/2 |W e|^2 + weight objective`.
+    """Weighted sum of pose error and objective: minimise `1/2 |W e|^2 + weight * objective`.
 
-    A trade-off: at its optimum a pose error of the order of the weight remains, and is reported.
+    At its optimum a pose error of the order of the weight remains, and is reported.
     """
 
     objective: Objective
     weight: float = 1e-3
-    """What the objective counts against the pose; > 0."""
+    """Weight of the objective relative to the pose error; > 0."""
 
     def __post_init__(self) -> None:
         check_objective(self.objective)
@@ -28,7 +28,7 @@ class Weighted:
             raise OptionError(f"the weight of Weighted must be a positive number, got {shown(self.weight)}")
 
     def of(self, robot: Robot) -> Weighted:
-        """The same with its objective made for this robot."""
+        """Bind the objective to a robot."""
         return Weighted(self.objective.of(robot), self.weight)
 
     @property
@@ -39,9 +39,9 @@ class Weighted:
 
 @dataclass(frozen=True, init=False)
 class Strict:
-    """Each objective acts only where those before it, and the pose before all, are left exactly as they are.
+    """Strict hierarchy: each objective is minimised in the null space of the pose and of the objectives before it.
 
-    Where the pose cannot be reached the nearest point is returned as it was found, without regard to the objectives.
+    Where the pose cannot be reached, the nearest point is returned without regard to the objectives.
     """
 
     objectives: tuple[Objective, ...]
@@ -55,5 +55,5 @@ class Strict:
         object.__setattr__(self, "objectives", tuple(objectives))
 
     def of(self, robot: Robot) -> Strict:
-        """The same with its objectives made for this robot."""
+        """Bind the objectives to a robot."""
         return Strict(*(objective.of(robot) for objective in self.objectives))

@@ -1,4 +1,4 @@
-"""What a batch of solves returns: arrays of the fields of `Solution`."""
+"""The result of a batch of solves: the fields of `Solution` as arrays."""
 
 from __future__ import annotations
 

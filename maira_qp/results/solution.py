@@ -1,4 +1,4 @@
-"""What a solve returns: a configuration, and an honest word on it."""
+"""The result of a solve: a configuration, its verdict, and what both rest on."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ class Solution(Answer):
     q: np.ndarray
     """Configuration (n,) [rad or m]"""
     success: bool
-    """The pose error of `q` is within the tolerances."""
+    """The pose error of `q` is within the tolerances, by a fresh forward kinematics."""
     status: Status
     position_error: float
     """|p_d - p| [m]"""
     orientation_error: float
     """Angle between the orientations [rad]"""
     iterations: int
-    """Iterations (QPs solved) over all starts"""
+    """Iterations (QPs solved), summed over all starts"""
     restarts: int
-    """Starts after the first"""
+    """Number of starts after the first"""
     cost: float
     """Value of the redundancy's first objective at `q`; NaN without redundancy"""
     projected_gradient: float
@@ -49,7 +49,7 @@ class Solution(Answer):
     """What was minimised last is stationary: its projected gradient is within its tolerance; the pose alone: reached.
     False with success: the pose is reached, but the redundancy is not settled (at a singular pose it may never be)"""
     start_projected: bool
-    """The given start `q0` was outside the limits and was moved onto them."""
+    """The given start `q0` was outside the limits and was clipped to them."""
     target_deviation: float
     """Largest entry of |R R^T - I| of a target given as an array, where it is above 1e-5, else 0: up to 2e-3 the
     nearest rotation was taken, as is meant by three or four decimals"""
@@ -57,7 +57,7 @@ class Solution(Answer):
     """The answer left the neighbourhood of `q0`: a descent from there ends elsewhere, and this answer is better
     by more than the tolerances. False without `q0`"""
     backend: str
-    """Who solved the QPs"""
+    """Engine: "compiled", or the name of the QP backend of the reference engine"""
     _start: np.ndarray | None = field(repr=False)
     """The start `q0` (n,) that was given"""
     _target: np.ndarray = field(repr=False)
@@ -90,12 +90,12 @@ class Solution(Answer):
 
     @cached_property
     def max_joint_change(self) -> float:
-        """How far the joint that moved most is from `q0`, max_i |q_i - q0_i| [rad or m]; NaN without `q0`"""
+        """Largest joint displacement from `q0`, max_i |q_i - q0_i| [rad or m]; NaN without `q0`"""
         return math.nan if self._start is None else float(np.abs(self.q - self._start).max())
 
     @cached_property
     def condition_number(self) -> float:
-        """Of the tool's Jacobian at `q`: largest by smallest singular value"""
+        """Condition number of the tool's Jacobian at `q`: largest by smallest singular value"""
         if self.status is Status.INVALID_TARGET:
             return np.nan
         return self._problem.robot.condition_number(self.q)
@@ -119,7 +119,7 @@ class Solution(Answer):
 
     @cached_property
     def proof(self) -> Proof | None:
-        """What proves that the target is out of reach: for `UNREACHABLE`, else None. A pickle has lost it."""
+        """Certificate that the target is out of reach, for `UNREACHABLE`; else None. Not pickled."""
         if self.status is not Status.UNREACHABLE or self._origin is None:
             return None
         return self._origin.proof(self)
@@ -137,9 +137,9 @@ class Solution(Answer):
         return tuple(hint for hint in (*dict.fromkeys(far), start) if hint)
 
     def explain(self) -> Explanation:
-        """Why the solve ended as it did: what is left, which limits of the joints stand in the way, what each costs.
+        """Diagnose the solve: the remaining error, the joint limits that stand in the way, and what each costs.
 
-        `print(solution.explain())` says it in words. It solves the target again without those limits, which takes some
+        `print(solution.explain())` puts it in words. The target is solved again without those limits, which takes some
         ten milliseconds. Raises `OptionError` for a solution that was pickled, `PoseError` for an invalid target.
         """
         if self._origin is None:
@@ -147,7 +147,7 @@ class Solution(Answer):
         return self._origin.explain(self)
 
     def jacobian(self) -> np.ndarray:
-        """How `q` follows its target: dq/dtarget (n, 6) [rad/m, rad/rad], the derivative of what the solve minimised.
+        """Compute dq/dtarget (n, 6) [rad/m, rad/rad], the derivative of the answer by its target.
 
         The columns are the target's twist as in `Robot.jacobian`: linear [m] before angular [rad], base axes, at the
         target, `p_d + dp` and `exp(dphi) R_d`. A joint that a limit holds has a zero row; one that would stand there

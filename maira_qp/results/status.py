@@ -25,9 +25,11 @@ class Status(NamedEnum):
     UNREACHABLE = 1
     """No configuration within the limits reaches the pose: proved."""
     NEAREST = 2
-    """Not at the pose, but at a point that no small motion within the limits brings nearer to it."""
+    """A local minimum of the pose error within the limits: no small motion comes nearer. Alias `LOCAL_MINIMUM`."""
+    LOCAL_MINIMUM = 2
     BUDGET_SPENT = 3
-    """Neither: the restarts, the iterations or the deadline ran out first."""
+    """Neither: the restarts, the iterations or the deadline ran out first. Alias `BUDGET_EXHAUSTED`."""
+    BUDGET_EXHAUSTED = 3
     INVALID_TARGET = 4
     """The target of a batch holds NaN or inf: nothing was solved, and `q` and all numbers are NaN."""
     LIMITS_BROKEN = 5

@@ -1,4 +1,4 @@
-"""What a control tick returns."""
+"""The result of a control step."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from maira_qp.results.status import StepStatus
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Step(OfProblem):
-    """One control tick."""
+    """The result of one control step."""
 
     velocity: np.ndarray
     """Joint velocity (n,) [rad/s or m/s], within the velocity limits exactly"""

@@ -63,16 +63,16 @@ class Solver(Shown):
 
         Args:
             robot: the arm, with its tip and joint limits.
-            task: what is to be reached: `PositionTask()`, `LookAtTask(point=...)`, ..., or several of them; None:
-                `PoseTask()` for each tip of the robot.
-            tasks: further tasks and objectives, at the same priority or at lower ones. Those that have no target of
-                their own take it from the call, by their frame.
-            limits: further limits, such as `LinearLimit(A, b)`; the joint limits always hold.
-            redundancy: `Weighted(...)`, `Strict(...)`, or None: the pose alone.
-            backend: who solves each QP: the name of an installed backend of qpsolvers, or `Backend(name, settings)`;
-                "compiled": the search runs in compiled code, what it leaves by daqp; None: "compiled" for one task of
-                the tip of a serial chain without further limits, else "daqp", with control ticks in compiled code
-                where that knows the tasks.
+            task: the task of highest priority, `PositionTask()`, `LookAtTask(point=...)`, ..., or several of them;
+                None: `PoseTask()` for each tip of the robot.
+            tasks: additional tasks and objectives, at the same priority or at lower ones. A task without a target of
+                its own takes it from the call, by its frame.
+            limits: additional hard limits, such as `LinearLimit(A, b)`; the joint limits always hold.
+            redundancy: secondary objective: `Weighted(...)`, `Strict(...)`, or None: the tasks alone.
+            backend: QP backend: the name of an installed backend of qpsolvers, or `Backend(name, settings)`;
+                "compiled": compiled code, with daqp for what it does not know; None: the default, "compiled" for one
+                task of the tip of a serial chain without additional limits, else "daqp", with control ticks in
+                compiled code where it knows the tasks. `engine_for` says which engine runs a call.
             options: tolerances and budgets.
 
         Raises `OptionError`, `FrameError`, `BackendError`.
@@ -140,31 +140,31 @@ class Solver(Shown):
         prefer: str | None = None,
         metric: Any = None,
     ) -> Solution:
-        """Joint angles that put the tool at the target.
+        """Compute joint values that put the tool at the target.
 
         Args:
-            target: `pin.SE3` or (4, 4), T_base_tool [m]; where tasks of several frames need one, {frame: pose}; where
-                all have their own, None.
-            q0: start (n,) [rad or m]; None: of a few hundred known configurations the one nearest to the target, and to
-                the posture that the redundancy wishes for; joints with a turn or more then end at the one nearest to
-                that posture. A start outside the limits is moved onto them.
+            target: T_base_tool as `pin.SE3` or (4, 4) [m]; {frame: pose} where tasks of several frames need a target;
+                None where all tasks have their own.
+            q0: start (n,) [rad or m]; None: of 512 known configurations the one nearest to the target and to the
+                posture of the redundancy; joints whose range is a turn or more then end at the turn nearest to that
+                posture. A start outside the limits is clipped to them.
                 With q0, the answer leaves its basin or turn only for a result better by more than the tolerances, and
-                says so: `left_q0` and `max_joint_change`. It is where the descent from q0 ends, at the pose or at a
+                reports it: `left_q0` and `max_joint_change`. It is where the descent from q0 ends, at the pose or at a
                 nearest point, unless another start leads to the pose, or to a nearest point whose weighted error |W e|
-                is smaller by more than |W (position_tolerance, orientation_tolerance)|, with `Weighted` once traded
-                off. From there the redundancy is optimised along the self-motion. Each joint ends at the whole turn
-                nearest to q0, or where the redundancy's objective is higher there, at one nearer to its optimum.
-            rng: generator or seed of what is random about the starts; None: seed 0, so that the same call gives the
-                same answer. Other seeds begin elsewhere, and may find another configuration that reaches the target.
-            observe: called with each configuration (n,) on the way, starts included, for pictures of the iteration;
-                with it, nothing runs in compiled code.
+                is smaller by more than |W (position_tolerance, orientation_tolerance)|; with `Weighted`, the error
+                after the trade-off counts. From there the redundancy is optimised along the self-motion. Each joint
+                ends at the whole turn nearest to q0, or, where the objective is higher there, at one nearer to the
+                optimum.
+            rng: generator or seed of the random starts; None: seed 0, so that the same call gives the same answer.
+                Other seeds begin elsewhere, and may find another configuration that reaches the target.
+            observe: callback, called with each iterate (n,), starts included; the reference engine runs then.
             prefer: "closest": of all `solutions` the one nearest to q0 by `sum_i metric_i (q_i - q0_i)^2`, of which
                 `cost` is then half: for this call that distance takes the place of the solver's redundancy. Global for
                 S-R-S arms, as complete as the list for others, and without regard to the deadline. Where no solution is
                 known, the usual verdict from q0. None: the first that is found.
             metric: joint weights (n,), >= 0; None: 1.
 
-        Raises `PoseError`, `ConfigurationError`, `OptionError` for what cannot be meant; the rest is a `Status`.
+        Raises `PoseError`, `ConfigurationError`, `OptionError` for invalid arguments; an outcome is a `Status`.
         """
         seed = SEED_0 if rng is None else checked_seed(rng)
         check_callable(observe, "observe", OptionError)
@@ -199,8 +199,8 @@ class Solver(Shown):
                 {frame: (N, 4, 4)} or N mappings {frame: pose}.
             q0: a start (n,) for all, or (N, n) one each; None: as for `solve`.
             seed: non-negative integer.
-            threads: how many threads the compiled engine may use; None: one a processor. No answer depends on it.
-            progress: called now and then, from this thread, with how many targets are done and how many there are.
+            threads: number of threads of the compiled engine; None: one per processor. No answer depends on it.
+            progress: callback, called from this thread with the number of targets that are done and their total.
             prefer, metric: as for `solve`.
 
         Raises `PoseError`, `ConfigurationError` or `OptionError`, naming the target, before anything is solved.
@@ -226,7 +226,7 @@ class Solver(Shown):
         return batch
 
     def solutions(self, target: Any, rng: Rng = None) -> Solutions:
-        """All configurations within the limits that put the tip at the target, the best first.
+        """List all configurations within the limits that put the tip at the target, the best first.
 
         They are ranked by the redundancy's first objective, `Posture()` without one. S-R-S arms: in closed form, all
         arcs of the swivel angle with the best configuration of each, so that the first is the global optimum. Arms of
@@ -279,17 +279,16 @@ class Solver(Shown):
         deadline: float | None = None,
         keep_direction: bool = False,
     ) -> Step:
-        """One control tick of dt [s] from q (n,) toward the target, within all limits.
+        """Compute one control step of dt [s] from q (n,) toward the target, within all limits.
 
-        The hierarchy's QPs are solved once at q, level by level. A joint outside its limits comes back at its limit
-        speed.
+        The hierarchical QP is solved once at q, level by level. A joint outside its limits returns at its limit speed.
 
         Args:
-            q: configuration (n,) of now [rad or m].
+            q: current configuration (n,) [rad or m].
             target: as for `solve`.
             dt: length of the tick [s].
-            velocity: velocity (n,) of now [rad/s or m/s], that of the last tick; needed where the robot has limits on
-                the acceleration, which are kept against it.
+            velocity: current velocity (n,) [rad/s or m/s], that of the last step; needed where the robot has
+                acceleration limits, which are kept relative to it.
             deadline: levels that are not solved after this time [s] are left out; None: all are solved.
             keep_direction: where limits do not allow the motion that the tasks of the first level ask for, scale it,
                 all tasks by the same factor in [0, 1], which may be 0 at a limit of a joint; False: do what is nearest

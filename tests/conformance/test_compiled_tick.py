@@ -271,7 +271,7 @@ def test_a_task_with_a_target_of_its_own_and_an_elbow(rng):
 
 
 def test_its_answer_counts_where_further_limits_do_not_bind(panda, rng):
-    """A row that binds in some ticks and not in others: always what the reference engine answers, and within the row."""
+    """A row that binds in some ticks and not in others: always the reference engine's answer, within the row."""
     limits, bound, general = [mq.LinearLimit(np.eye(7)[[0, 2]], [0.3, 0.3])], 0, 0
     fast, slow = (mq.Solver(panda, limits=limits, redundancy=STRICT, backend=backend) for backend in (None, "daqp"))
     free = mq.Solver(panda, redundancy=STRICT)

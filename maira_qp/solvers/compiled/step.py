@@ -2,9 +2,9 @@
 
 It takes all tasks that are errors of frames or of joints (`task_arrays.py`), equalities too, at any levels of a robot
 without mimic joints, and objectives that are a posture: below the tasks, alone in their level, or weighted beside the
-tasks of the only one. The rest, such as limits as wishes, other objectives and classes of one's own, is for the general
-engine, `tick.py`, to which this is the same to rounding. Limits beside those of the joints it does not know: its answer
-counts where they do not bind.
+tasks of the only one. The rest, such as soft limits, other objectives and classes of one's own, is for the reference
+engine, `solvers.reference.step`, with which it agrees to rounding. It does not know limits beside those of the joints:
+its answer counts where they do not bind.
 """
 
 from __future__ import annotations
