@@ -69,12 +69,12 @@ class Posture(Objective):
 
     def cost(self, at: Configuration) -> float:
         """Weighted squared distance, halved."""
-        d = at.q - self.q_ref
+        d = at.displacement(self.q_ref)
         return float(0.5 * d @ (self.weights * d))
 
     def gradient(self, at: Configuration) -> np.ndarray:
         """Gradient (n,) [rad]."""
-        return self.weights * (at.q - self.q_ref)
+        return self.weights * at.displacement(self.q_ref)
 
     def hessian(self, at: Configuration) -> np.ndarray:
         """The weights on the diagonal (n, n)."""

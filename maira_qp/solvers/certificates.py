@@ -21,7 +21,6 @@ from maira_qp.problem.problem import Problem
 from maira_qp.problem.targets import Poses, row_of
 from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.results.certificate import BoxProof, Proof
-from maira_qp.robots.model.serial_chain import chain_of
 
 MOST_BOXES = 2000
 """Boxes of joint values that a proof may take: a few milliseconds."""
@@ -66,7 +65,7 @@ class Proofs:
                 points = np.column_stack([places, near])
                 arm = None if srs is None else srs_array(srs)
                 span = np.zeros(2) if srs is None else np.array(srs.span)
-                return Proofs(problem, chain_of(robot), points, pivots(robot), turn, arm, span)
+                return Proofs(problem, robot.chain, points, pivots(robot), turn, arm, span)
         return None
 
     def unreachable(self, rows: np.ndarray) -> np.ndarray:

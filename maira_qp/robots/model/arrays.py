@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from maira_qp.kernels.kinematics.kinematic_tree import ACCELERATION, BASE, ROW, VELOCITY
 from maira_qp.kernels.kinematics.serial_chain import LOWER, PRISMATIC, START_LOWER, START_UPPER, UPPER
-
-if TYPE_CHECKING:
-    from maira_qp.robots.model.robot import Robot
+from maira_qp.kernels.kinematics.serial_chain import ROW as CHAIN_ROW
+from maira_qp.robots.model.kinematics import Kinematics
 
 
 @dataclass(frozen=True)
 class KinematicTree:
-    """The arrays of `kernels.kinematics.kinematic_tree`: each joint's frame is turned so that it moves along z."""
+    """The arrays of `kernels.kinematics.kinematic_tree`: each joint's frame is turned so that it moves along z.
 
-    robot: Robot
+    A robot has one of them, `Robot.tree`, which is not to be written to.
+    """
+
+    kinematics: Kinematics
     joints: np.ndarray
     """(n, 19)"""
     parents: np.ndarray
@@ -28,9 +29,23 @@ class KinematicTree:
     """(n, 3, 3), from the frame of a joint here to that of Pinocchio"""
 
     @staticmethod
-    def of(robot: Robot) -> KinematicTree:
-        """Of a robot without mimic joints."""
-        model, n = robot.model, robot.n
+    def build(
+        kinematics: Kinematics,
+        limits: tuple[np.ndarray, np.ndarray],
+        drawn_range: tuple[np.ndarray, np.ndarray],
+        velocity: np.ndarray,
+        acceleration: np.ndarray,
+    ) -> KinematicTree:
+        """The arrays of a model without mimic joints.
+
+        Args:
+            kinematics: the model and its frames
+            limits: lower and upper (n,) [rad, or m]
+            drawn_range: the ends (n,) of what random configurations are drawn from [rad, or m]
+            velocity: largest speeds (n,) [rad/s, or m/s]
+            acceleration: largest accelerations (n,) [rad/s^2, or m/s^2]
+        """
+        model, n = kinematics.model, kinematics.n
         data = model.createData()
         pin.computeJointJacobians(model, data, np.zeros(n))
         joints, parents, turns = np.zeros((n, ROW)), np.empty(n, np.int64), np.empty((n, 3, 3))
@@ -41,16 +56,28 @@ class KinematicTree:
             parents[i] = model.parents[i + 1] - 1
             joints[i, :12] = _placed(turns, parents[i], model.jointPlacements[i + 1], turns[i])
             joints[i, PRISMATIC] = prismatic
-        joints[:, LOWER], joints[:, UPPER] = robot.lower, robot.upper
-        joints[:, START_LOWER], joints[:, START_UPPER] = robot.drawn_range
-        joints[:, VELOCITY], joints[:, ACCELERATION] = robot.velocity_limit, robot.acceleration_limit
-        return KinematicTree(robot, joints, parents, turns)
+        joints[:, LOWER], joints[:, UPPER] = limits
+        joints[:, START_LOWER], joints[:, START_UPPER] = drawn_range
+        joints[:, VELOCITY], joints[:, ACCELERATION] = velocity, acceleration
+        return KinematicTree(kinematics, joints, parents, turns)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.parents)
 
     def frame(self, name: str | None) -> tuple[int, np.ndarray]:
         """The joint that carries a frame (None: the tip), or `BASE`, and its placement (12,) behind it."""
-        frame = self.robot.model.frames[self.robot.frame_id(name)]
+        frame = self.kinematics.model.frames[self.kinematics.frame_id(name)]
         joint = frame.parentJoint - 1
         return joint, _placed(self.turns, joint, frame.placement, np.eye(3))
+
+    def chain(self) -> np.ndarray:
+        """The chain (n + 1, 17) of `kernels.kinematics.serial_chain`, of a tree in which every joint moves the tip."""
+        chain = np.zeros((self.n + 1, CHAIN_ROW))
+        chain[:-1] = self.joints[:, :CHAIN_ROW]
+        chain[-1, :12] = self.frame(None)[1]
+        return chain
 
 
 def _placed(turns: np.ndarray, joint: int, placement: pin.SE3, turn: np.ndarray) -> np.ndarray:

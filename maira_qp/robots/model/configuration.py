@@ -47,8 +47,12 @@ class Configuration:
         return self._kinematics.n
 
     def moved(self, dq: np.ndarray) -> Configuration:
-        """The configuration q + dq, dq (n,) [rad, or m]."""
-        return Configuration(self._kinematics, self.q + dq)
+        """The configuration that the displacement dq (n,) [rad, or m] leads to."""
+        return Configuration(self._kinematics, self._kinematics.integrate(self.q, dq))
+
+    def displacement(self, q0: np.ndarray) -> np.ndarray:
+        """The displacement (n,) [rad, or m] that leads here from q0 (n,)."""
+        return self._kinematics.difference(q0, self.q)
 
     def placement(self, frame: str | None = None) -> pin.SE3:
         """Pose of a frame (None: the tip) in the base, a fresh copy. Raises `FrameError`."""

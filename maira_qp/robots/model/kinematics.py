@@ -34,7 +34,7 @@ class Kinematics:
     def __init__(self, model: pin.Model, frames: Sequence[str], tip: str, name: str) -> None:
         """`frames` are the names of links that may be asked for; `tip` is one of them; `name` is the robot's."""
         self.model = model
-        self.n = model.nv
+        self.nq, self.n = model.nq, model.nv
         self.has_mimic = any(joint.shortname() == "JointModelMimic" for joint in model.joints)
         self._per_thread = PerThread(model)
         self._name, self._frames = name, tuple(frames)
@@ -45,6 +45,14 @@ class Kinematics:
     def scratch(self) -> Scratch:
         """This thread's working memory."""
         return self._per_thread.scratch
+
+    def integrate(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+        """The configuration (nq,) that the displacement dq (n,) leads to from q (nq,), unchecked."""
+        return q + dq
+
+    def difference(self, q0: np.ndarray, q1: np.ndarray) -> np.ndarray:
+        """The displacement (n,) that leads from q0 (nq,) to q1 (nq,), unchecked: `integrate(q0, difference)` is q1."""
+        return q1 - q0
 
     def frame_id(self, frame: str | None) -> int:
         """Pinocchio's index of a frame (None: the tip). Raises `FrameError`."""

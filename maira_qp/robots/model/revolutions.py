@@ -74,7 +74,7 @@ class WholeTurns:
 
     def apart(self, q: np.ndarray, others: np.ndarray) -> np.ndarray:
         """How far (...) [rad or m] q and others (..., n) are apart in the joint that differs most, turns aside."""
-        d = others - q
+        d = self.robot.kinematics.difference(q, others)
         return np.abs(d - np.where(self.revolute, _TURN * np.round(d / _TURN), 0.0)).max(axis=-1, initial=0.0)
 
     def within(self, q: np.ndarray, slack: float = WITHIN) -> np.ndarray:

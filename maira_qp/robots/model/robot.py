@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -22,6 +23,9 @@ from maira_qp.robots.model.joint_limits import JointLimits, limited_table, limit
 from maira_qp.robots.model.kinematics import Kinematics
 from maira_qp.robots.urdf.reader import Chain, read_urdf
 from maira_qp.robots.urdf.writer import urdf_text
+
+if TYPE_CHECKING:
+    from maira_qp.robots.model.arrays import KinematicTree
 
 
 class Robot(Shown):
@@ -198,6 +202,35 @@ class Robot(Shown):
             return Robot.from_dh(limited_table(self.dh, limits))
         return Robot.from_urdf(limited_urdf(self.urdf, limits), tip=self.tips, base=self.base)
 
+    @cached_property
+    def tree(self) -> KinematicTree:
+        """The joints as arrays for the kernels, of a robot without mimic joints. Not to be written to."""
+        from maira_qp.robots.model.arrays import KinematicTree  # heavy: Numba comes with it
+
+        limits = self.lower, self.upper
+        return KinematicTree.build(
+            self.kinematics, limits, self.drawn_range, self.velocity_limit, self.acceleration_limit
+        )
+
+    @cached_property
+    def chain(self) -> np.ndarray:
+        """The chain (n + 1, 17) for the kernels, where `is_chain`. Not to be written to."""
+        return self.tree.chain()
+
+    def integrate(self, q: Any, dq: Any) -> np.ndarray:
+        """The configuration (n,) that the displacement dq (n,) [rad, or m] leads to from q (n,): here q + dq.
+
+        Raises `ConfigurationError`.
+        """
+        return self.kinematics.integrate(self._checked(q), self._checked(dq, "dq"))
+
+    def difference(self, q0: Any, q1: Any) -> np.ndarray:
+        """The displacement (n,) [rad, or m] that leads from q0 (n,) to q1 (n,): here q1 - q0.
+
+        Raises `ConfigurationError`.
+        """
+        return self.kinematics.difference(self._checked(q0, "q0"), self._checked(q1, "q1"))
+
     def at(self, q: np.ndarray) -> Configuration:
         """The robot at q (n,), a float64 array that is not checked: for loops that made it themselves."""
         return Configuration(self.kinematics, q)
@@ -218,10 +251,9 @@ class Robot(Shown):
         if not self.is_chain:
             return np.array([self.at(each).jacobian(None).copy() for each in q]).reshape(-1, 6, self.n)
         from maira_qp.kernels.kinematics.serial_chain import jacobians  # heavy: Numba comes with it
-        from maira_qp.robots.model.serial_chain import chain_of
 
         J = np.empty((*q.shape, 6))
-        jacobians(chain_of(self), np.ascontiguousarray(q), J)
+        jacobians(self.chain, np.ascontiguousarray(q), J)
         return J.swapaxes(1, 2)
 
     def condition_number(self, q: Any, frame: str | None = None) -> float:
@@ -252,8 +284,8 @@ class Robot(Shown):
         """Pinocchio's index of a frame (None: the tip). Raises `FrameError`."""
         return self.kinematics.frame_id(frame)
 
-    def _checked(self, q: Any) -> np.ndarray:
-        return real_array(q, (self.n,), "q", ConfigurationError)
+    def _checked(self, q: Any, name: str = "q") -> np.ndarray:
+        return real_array(q, (self.n,), name, ConfigurationError)
 
     @property
     def title(self) -> str:

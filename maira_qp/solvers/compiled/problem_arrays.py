@@ -27,7 +27,6 @@ from maira_qp.problem.targets import FARTHEST
 from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.robots.model.revolutions import WholeTurns
 from maira_qp.robots.model.robot import Robot
-from maira_qp.robots.model.serial_chain import chain_of
 from maira_qp.solvers import neighbourhood
 from maira_qp.solvers.certificates import Proofs
 from maira_qp.solvers.compiled.seed_library import library_features, starting_library
@@ -122,7 +121,7 @@ class ProblemArrays:
                 settling.RESOLUTION,
             ]
         )
-        turns, chain = problem.turns, chain_of(robot)
+        turns, chain = problem.turns, robot.chain.copy()
         chain[:-1, START_LOWER], chain[:-1, START_UPPER] = turns.window
         library = starting_library(robot, *turns.window)
         proofs = Proofs.build(problem)

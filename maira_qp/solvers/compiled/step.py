@@ -31,7 +31,6 @@ from maira_qp.problem.targets import FARTHEST
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.results.status import StepStatus
-from maira_qp.robots.model.arrays import KinematicTree
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.compiled.task_arrays import known, task_arrays
 from maira_qp.solvers.reference.step import HALVINGS, split_equalities
@@ -73,7 +72,7 @@ class CompiledTick:
         """The arrays of a problem that is not `unsupported`."""
         robot, options, levels = problem.robot, problem.options, _levels(problem)
         assert levels is not None
-        tree = KinematicTree.of(robot)
+        tree = robot.tree
         each = [task_arrays(tree, problem.frames, task, k) for k, level in enumerate(levels) for task in level.tasks]
         rows = sum(count for _, _, count in each) + robot.n * (len(levels) - 1)
         return CompiledTick(

@@ -70,7 +70,7 @@ def task_arrays(
 
     `frames` are those whose targets come with the call.
     """
-    row, place = np.zeros(COEFFICIENTS + tree.robot.n), np.full(PLACE, ABSENT)
+    row, place = np.zeros(COEFFICIENTS + tree.n), np.full(PLACE, ABSENT)
     row[WEIGHTS : WEIGHTS + 6] = _six_weights(task)
     row[GAIN], row[TASK_DAMPING] = task.gain, task.damping
     place[KIND], place[LEVEL], place[SOURCE], place[AXES] = KINDS[type(task)], level, OWN, BASE_AXES
@@ -91,7 +91,7 @@ def task_arrays(
         row[COEFFICIENTS:], row[VALUE] = task.row, task.value
     if isinstance(task, DampingTask):
         row[COEFFICIENTS:] = task.weight
-    count = int((row[WEIGHTS : WEIGHTS + 6] > 0).sum()) if place[KIND] != STILL else tree.robot.n
+    count = int((row[WEIGHTS : WEIGHTS + 6] > 0).sum()) if place[KIND] != STILL else tree.n
     return row, place, count
 
 

@@ -195,7 +195,7 @@ class Context:
 
     def moved(self, at: Configuration, dq: np.ndarray) -> Configuration:
         """The configuration after a displacement dq (n,), inside the joint limits exactly."""
-        return self.robot.at(self.robot.clip(at.q + dq))
+        return self.robot.at(self.robot.clip(self.robot.kinematics.integrate(at.q, dq)))
 
     def check(self) -> None:
         """Raises `OptionError` if the linear limits leave nothing."""
@@ -253,7 +253,7 @@ class Context:
 
     def _nearest(self, at: Configuration, q: np.ndarray) -> Configuration | None:
         """Within the limits linearised at a configuration, the one nearest to q (n,); None if there is none."""
-        return self.best_within(np.eye(at.n), at.q - q, at)
+        return self.best_within(np.eye(at.n), at.displacement(q), at)
 
     def best_within(self, H: np.ndarray, c: np.ndarray, at: Configuration) -> Configuration | None:
         """After the dq (n,) with the least `c^T dq + 1/2 dq^T H dq` within the limits linearised at a configuration.

@@ -142,7 +142,8 @@ def tick(
     displacements = solve_each_level(levels, bounds, context.backend, end)
     dq = np.clip(_safe(models, at, displacements, context, bounds, now), bounds.lower, bounds.upper)
     inside = (at.q >= robot.lower) & (at.q <= robot.upper)
-    q = np.where(inside, np.clip(at.q + dq, robot.lower, robot.upper), at.q + dq)
+    q = robot.kinematics.integrate(at.q, dq)
+    q = np.where(inside, np.clip(q, robot.lower, robot.upper), q)
     velocity = np.clip(dq / now.dt, -robot.velocity_limit, robot.velocity_limit)
     wanted = displacements[-1] if displacements else np.full(at.n, np.inf)
     gradient = max((model.model.gradient for model in models if model.tasks), default=0.0)
@@ -186,7 +187,8 @@ def keeps_further_limits(
     """
     if not context.further:
         return True
-    at, dq, step = context.robot.at(q), ahead - q, context.robot.velocity_limit * dt
+    at, step = context.robot.at(q), context.robot.velocity_limit * dt
+    dq = context.robot.kinematics.difference(q, ahead)
     now = Tick(dt, np.zeros_like(q) if velocity is None else velocity)
     for limit in context.further:
         box, rows = limit.box(at, now), limit.rows(at, now)
@@ -384,7 +386,7 @@ def _violations_ahead(at: Configuration, dq: np.ndarray, context: Context, now: 
     apart = [np.sign(dq) * np.where(k > 0, k * (size - 0.5 * change * (k + 1)), 0.0) for k in braking]
     yield np.max([here, *(context.violations(at.moved(way)) for way in apart)], axis=0)
     together = [dq * (i - i * (i + 1) / (2 * np.max(stop))) for i in glances]
-    q = at.q + together[-1]
+    q = context.robot.kinematics.integrate(at.q, together[-1])
     if (context.robot.lower <= q).all() and (q <= context.robot.upper).all():
         yield np.max([here, *(context.violations(at.moved(way)) for way in together)], axis=0)
 

@@ -12,7 +12,6 @@ from maira_qp.kernels.search.levenberg_marquardt import SETTINGS
 from maira_qp.kernels.search.multi_start import OUTCOME, SUCCESS
 from maira_qp.kernels.srs.posture_seed import ROUNDS, ROWS, half_square, reach_near_posture
 from maira_qp.kernels.srs.spherical_joint import COS_HALF, FIRST, RANGES
-from maira_qp.robots.model.serial_chain import chain_of
 
 ANGLES = 2 * np.pi * np.arange(LANES * ROUNDS) / (LANES * ROUNDS)
 
@@ -22,7 +21,7 @@ def begun(arm: Arm, poses: np.ndarray, reference: np.ndarray, weights: np.ndarra
     q, outcome = np.full((len(poses), 7), np.nan), np.full((len(poses), OUTCOME), np.nan)
     settings = np.array([1.0, 1.0, 1e-6, 1e-6, *np.zeros(SETTINGS - 4)])
     lanes, kinematics = np.full((ROWS, LANES), np.nan), np.full((20, 3), np.nan)
-    rows, chain = np.array([row_of(T) for T in poses]), chain_of(arm.robot)
+    rows, chain = np.array([row_of(T) for T in poses]), arm.robot.chain
     problem = chain, settings, arm.array, rows, reference, weights
     reach_near_posture(*problem, *memory(), lanes, kinematics, q, outcome)
     return q, outcome[:, SUCCESS] > 0

@@ -26,7 +26,7 @@ CHAINS = ["maira", "panda", "tiago", "pr2_arm", "irb140"]
 
 @cache
 def tree_of(name: str) -> KinematicTree:
-    return KinematicTree.of(arm(name))
+    return arm(name).tree
 
 
 @pytest.mark.parametrize("name", [name for name in (*TREES, *CHAINS) if not arm(name).kinematics.has_mimic])
@@ -52,7 +52,7 @@ def test_kinematics_of_every_frame_are_pinocchios(name, rng):
 @pytest.mark.parametrize("name", ["tiago_arms", "pr2_arms", "tiago"])
 def test_a_tree_holds_the_limits(name):
     robot = arm(name).limited(acceleration=3.0)
-    joints = KinematicTree.of(robot).joints
+    joints = robot.tree.joints
     np.testing.assert_array_equal(joints[:, [LOWER, UPPER]].T, [robot.lower, robot.upper])
     np.testing.assert_array_equal(joints[:, VELOCITY], robot.velocity_limit)
     np.testing.assert_array_equal(joints[:, ACCELERATION], robot.acceleration_limit)
@@ -64,7 +64,7 @@ def test_bounds_are_those_of_the_limits(acceleration, rng):
     """Inside, at and outside the limits, at any speed, to the last digits."""
     robot = arm("tiago_arms")
     robot = robot if acceleration is None else robot.limited(acceleration=acceleration)
-    tree, n = KinematicTree.of(robot).joints, robot.n
+    tree, n = robot.tree.joints, robot.n
     limits = (
         AccelerationLimit(robot.acceleration_limit),
         PositionLimit(robot.lower, robot.upper, robot.acceleration_limit),
@@ -94,4 +94,4 @@ def test_bounds_are_those_of_the_limits(acceleration, rng):
 def test_a_robot_is_read_as_the_chain_that_it_is():
     """The first placement on the base, each joint the parent of the next."""
     robot = mq.Robot.maira()
-    assert KinematicTree.of(robot).parents.tolist() == list(range(-1, robot.n - 1))
+    assert robot.tree.parents.tolist() == list(range(-1, robot.n - 1))

@@ -19,12 +19,11 @@ from maira_qp.kernels.kinematics.serial_chain import (
     jacobian,
     jacobians,
 )
-from maira_qp.robots.model.serial_chain import chain_of
 
 
 def assert_kinematics_of_pinocchio(robot: mq.Robot, rng, blocks: int) -> None:
     """Pose and Jacobian at random configurations, in lanes and one by one."""
-    chain, n = chain_of(robot), robot.n
+    chain, n = robot.chain, robot.n
     within = 5e-15 * max(1, robot.length) * n
     axes, origins, tool, _, J = kinematic_work(n)
     axes8, origins8, tool8, _, J8 = kinematic_work(n, LANES)
@@ -79,7 +78,7 @@ def test_all_jacobians_at_once_are_those_of_pinocchio(name, rng):
     robot = arm(name)
     q = configurations(robot, rng, few(40))
     J = np.full((len(q), robot.n, 6), np.nan)
-    jacobians(chain_of(robot), q, J)
+    jacobians(robot.chain, q, J)
     expected = np.array([robot.jacobian(each).T for each in q])
     assert np.abs(J - expected).max() < 5e-15 * max(1, robot.length) * robot.n
     assert np.array_equal(robot.jacobians(q), J.swapaxes(1, 2))
@@ -89,7 +88,7 @@ def test_all_jacobians_at_once_are_those_of_pinocchio(name, rng):
 def test_a_chain_holds_the_limits_and_what_starts_are_drawn_from(name):
     """A continuous joint has no limits, but one turn to draw from."""
     robot = arm(name)
-    chain = chain_of(robot)[: robot.n]
+    chain = robot.chain[: robot.n]
     np.testing.assert_array_equal(chain[:, [LOWER, UPPER]], np.transpose([robot.lower, robot.upper]))
     drawn = [
         (-np.pi, np.pi) if np.isinf(high) else (low, high) for low, high in zip(robot.lower, robot.upper, strict=True)
@@ -101,7 +100,7 @@ def test_a_chain_holds_the_limits_and_what_starts_are_drawn_from(name):
 def test_the_pose_of_a_lane_depends_on_that_lane_alone(rng):
     """To the bit, whatever is in the others and in whichever lane it is, NaN among them."""
     robot = arm("talos_arm")
-    chain, q = chain_of(robot), configurations(robot, rng, LANES)
+    chain, q = robot.chain, configurations(robot, rng, LANES)
     q[3] = np.nan
     q[5, 2] = np.inf
     first, second = kinematic_work(robot.n, LANES), kinematic_work(robot.n, LANES)

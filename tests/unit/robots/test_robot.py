@@ -473,3 +473,28 @@ def test_the_largest_robot_that_is_accepted_works(rng):
     assert np.abs(robot.jacobian(q) - robot.dh.jacobian(q)).max() < 1e-12
     with pytest.raises(RobotError, match="101 joints"):
         mq.Robot.from_dh([{"a": 0.01} for _ in range(101)])
+
+
+def test_a_displacement_leads_from_one_configuration_to_another(maira, pr2_arm, gripper, rng):
+    """`integrate` and `difference` undo each other, and those of Pinocchio on the model are the same."""
+    for robot in (maira, pr2_arm, gripper):
+        q0, q1 = robot.random_configuration(rng), robot.random_configuration(rng)
+        dq = robot.difference(q0, q1)
+        np.testing.assert_allclose(dq, pin.difference(robot.model, q0, q1), rtol=0, atol=1e-15)
+        np.testing.assert_allclose(robot.integrate(q0, dq), q1, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(robot.at(q1).displacement(q0), dq, rtol=0, atol=1e-15)
+        np.testing.assert_allclose(robot.at(q0).moved(dq).q, q1, rtol=0, atol=1e-14)
+        for wrong in (dq[:-1], dq * np.nan, None):
+            with pytest.raises(ConfigurationError, match="dq"):
+                robot.integrate(q0, wrong)
+            with pytest.raises(ConfigurationError, match="q1"):
+                robot.difference(q0, wrong)
+
+
+def test_a_robot_makes_its_arrays_once(maira):
+    """Every solver of a robot works on the same arrays, and leaves them as they are."""
+    before = maira.chain.copy()
+    mq.Solver(maira, redundancy=mq.Strict(mq.Posture(np.full(7, 0.5)))).solve(maira.forward(np.full(7, 0.3)))
+    assert maira.tree is maira.tree
+    assert maira.chain is maira.chain
+    assert (maira.chain == before).all()

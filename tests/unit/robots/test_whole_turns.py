@@ -11,7 +11,6 @@ from conftest import random_table
 import maira_qp as mq
 from maira_qp.kernels.kinematics.unwrap import unwind, unwind_free
 from maira_qp.robots.model.revolutions import FARTHEST, WholeTurns
-from maira_qp.robots.model.serial_chain import chain_of
 
 PI = np.pi
 
@@ -113,7 +112,7 @@ def test_the_kernel_unwinds_as_this_does(name, rng):
     q[:, np.isinf(robot.lower)] *= 30.0
     reached = rng.choice([-1.0, 0.0, 1.0], len(q))
     expected = np.where(reached[:, None] > 0, WholeTurns(robot, reference).within(q), q)
-    unwind(chain_of(robot), reference[None], reached, q)
+    unwind(robot.chain, reference[None], reached, q)
     np.testing.assert_allclose(q, expected, rtol=0, atol=1e-13)
 
 
@@ -126,7 +125,7 @@ def test_the_kernel_turns_only_what_costs_a_posture_nothing(name, rng):
     q[:, np.isinf(robot.lower)] *= 30.0
     asked, there = rng.choice([True, False], len(q)), q.copy()
     turned = asked.copy()
-    unwind_free(chain_of(robot), reference[None], posture, weights.astype(float), turned, there)
+    unwind_free(robot.chain, reference[None], posture, weights.astype(float), turned, there)
     nearest = WholeTurns(robot, reference).within(q)
     dearer = weights * np.square(nearest - posture) > weights * np.square(q - posture) + 1e-6
     expected = np.where(asked[:, None] & ~dearer, nearest, q)
