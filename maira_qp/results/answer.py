@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
+
+import numpy as np
 
 from maira_qp.arrays import plain
 from maira_qp.display import Shown
 from maira_qp.problem.problem import Problem
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from maira_qp.results.solution import Solution
 
 
 class Origin(Protocol):
@@ -23,15 +20,15 @@ class Origin(Protocol):
         """What was solved."""
         ...
 
-    def explain(self, solution: Solution) -> Any:
+    def explain(self, solution: Any) -> Any:
         """See `Solution.explain`."""
         ...
 
-    def jacobian(self, solution: Solution) -> np.ndarray:
+    def jacobian(self, solution: Any) -> np.ndarray:
         """See `Solution.jacobian`."""
         ...
 
-    def proof(self, solution: Solution) -> Any:
+    def proof(self, solution: Any) -> Any:
         """See `Solution.proof`."""
         ...
 
