@@ -17,7 +17,10 @@ from rich.table import Table
 
 import maira_qp as mq
 from maira_qp.kernels.search.multi_start import OUTCOME, SUCCESS
-from maira_qp.solvers.compiled.engine import Asked, Compiled
+from maira_qp.solvers.compiled.batch import Batch
+from maira_qp.solvers.compiled.closed_form import reach_in_closed_form
+from maira_qp.solvers.compiled.engine import Compiled
+from maira_qp.solvers.compiled.multi_start import attempts
 
 ARMS = {"maira": mq.Robot.maira, "iiwa14": mq.Robot.iiwa14}
 NO_STARTS = np.empty((0, 7))
@@ -67,7 +70,7 @@ def closed_form(engine: Compiled) -> Callable[[np.ndarray], np.ndarray]:
 
     def method(rows: np.ndarray) -> np.ndarray:
         q, outcome = np.empty((len(rows), 7)), np.empty((len(rows), OUTCOME))
-        engine._reach_in_closed_form(Asked(rows, NO_STARTS, np.zeros(len(rows), np.uint64), False), q, outcome)
+        reach_in_closed_form(engine, Batch(rows, NO_STARTS, np.zeros(len(rows), np.uint64), False), q, outcome)
         return outcome[:, SUCCESS] > 0
 
     return method
@@ -78,7 +81,7 @@ def multi_start(engine: Compiled) -> Callable[[np.ndarray], np.ndarray]:
 
     def method(rows: np.ndarray) -> np.ndarray:
         q, outcome, last = np.empty((len(rows), 7)), np.empty((len(rows), OUTCOME)), engine.last_attempt
-        engine._search(Asked(rows, NO_STARTS, np.zeros(len(rows), np.uint64), False), 0, last, q, outcome)
+        attempts(engine, Batch(rows, NO_STARTS, np.zeros(len(rows), np.uint64), False), 0, last, q, outcome)
         return outcome[:, SUCCESS] > 0
 
     return method

@@ -20,7 +20,9 @@ from maira_qp.analytic.srs.geometry import SRS
 from maira_qp.kernels.search.multi_start import OUTCOME, SUCCESS
 from maira_qp.kernels.srs.swivel_intervals import FLOATS, INTEGERS, PIECES
 from maira_qp.kernels.srs.unreachability import POSSIBLE, verdicts
-from maira_qp.solvers.compiled.engine import Asked, Compiled
+from maira_qp.solvers.compiled.batch import Batch
+from maira_qp.solvers.compiled.closed_form import reach_in_closed_form
+from maira_qp.solvers.compiled.engine import Compiled
 
 VERDICTS = ("possible", "too far", "too near", "elbow", "swivel")
 ARMS = {"maira": mq.Robot.maira, "iiwa14": mq.Robot.iiwa14}
@@ -87,7 +89,7 @@ def judged(robot: mq.Robot, rows: np.ndarray, options: mq.Options) -> tuple[np.n
 def reached(robot: mq.Robot, rows: np.ndarray, poses: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, int]:
     """Which targets are reached in closed form (N,), and how many of 10,000 of them are missed by 1e-9."""
     engine, q, outcome = compiled(robot), np.empty((len(rows), robot.n)), np.empty((len(rows), OUTCOME))
-    engine._reach_in_closed_form(Asked(rows, np.empty((0, 7)), np.zeros(len(rows), np.uint64), False), q, outcome)
+    reach_in_closed_form(engine, Batch(rows, np.empty((0, 7)), np.zeros(len(rows), np.uint64), False), q, outcome)
     found = outcome[:, SUCCESS] > 0
     some = rng.permutation(np.flatnonzero(found))[:10_000]
     inside = ((robot.lower <= q) & (q <= robot.upper)).all(axis=1)

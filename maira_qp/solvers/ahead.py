@@ -110,7 +110,9 @@ class _Problem:
     """One target of an arm, as the stages of the compiled engine take it."""
 
     def __init__(self, robot: Robot, redundancy: Strict | Weighted | None = None) -> None:
-        from maira_qp.solvers.compiled.engine import OUTCOME, SETTLED, Asked  # heavy: Numba comes with it
+        from maira_qp.solvers.compiled.batch import Batch
+        from maira_qp.solvers.compiled.engine import OUTCOME  # heavy: Numba comes with it
+        from maira_qp.solvers.compiled.refinement import SETTLED
 
         self.solver = Solver(robot, redundancy=redundancy)
         assert self.solver.engines.compiled is not None
@@ -118,11 +120,13 @@ class _Problem:
         self.start = np.linspace(0.4, 0.9, robot.n)
         self.target = robot.forward(self.start).homogeneous
         self.q, self.outcome, self.after = self.start[None].copy(), np.zeros((1, OUTCOME)), np.zeros((1, SETTLED))
-        self.asked = Asked(rows_of(self.target[None])[0], np.empty((0, robot.n)), np.zeros(1, np.uint64), False)
+        self.batch = Batch(rows_of(self.target[None])[0], np.empty((0, robot.n)), np.zeros(1, np.uint64), False)
 
     def settle(self) -> None:
         """Of a q that does not reach the pose, kernels do what they do where few targets lead."""
-        self.engine.settle(self.asked.rows, None, self.q, self.after)
+        from maira_qp.solvers.compiled.refinement import refine
+
+        refine(self.engine, self.batch.rows, None, self.q, self.after)
 
 
 def _solve(robot: Robot) -> None:
@@ -139,7 +143,9 @@ def _best_swivel() -> None:
     problem = _Problem(Robot.maira(), Strict(Posture()))
     assert problem.engine.redundancy is not None
     posture, weights = problem.engine.redundancy[2:].reshape(2, -1)
-    problem.engine.reach_near_posture(problem.asked.rows, posture, weights, problem.q, problem.outcome)
+    from maira_qp.solvers.compiled.closed_form import reach_near_posture
+
+    reach_near_posture(problem.engine, problem.batch.rows, posture, weights, problem.q, problem.outcome)
 
 
 def _settle(redundancy: Strict | Weighted, offset: float) -> None:
@@ -150,24 +156,29 @@ def _settle(redundancy: Strict | Weighted, offset: float) -> None:
 
 def _nearest() -> None:
     problem = _Problem(_six_axes())
-    problem.engine._finish(problem.asked, problem.q, problem.outcome)
+    from maira_qp.solvers.compiled.refinement import finish
+
+    finish(problem.engine, problem.batch, problem.q, problem.outcome)
 
 
 def _nearest_in_closed_form() -> None:
     problem = _Problem(Robot.maira())
-    problem.engine._approach_in_closed_form(problem.asked, np.array([0]), problem.q, problem.outcome)
+    from maira_qp.solvers.compiled.closed_form import approach_in_closed_form
+
+    approach_in_closed_form(problem.engine, problem.batch, np.array([0]), problem.q, problem.outcome)
 
 
 def _proofs() -> None:
     for robot in (_six_axes(), Robot.maira()):
         problem = _Problem(robot)
-        problem.engine.proofs.unreachable(problem.asked.rows)
+        problem.engine.proofs.unreachable(problem.batch.rows)
 
 
 def _small() -> None:
     """What takes a second or less each."""
+    from maira_qp.kernels.kinematics.unwrap import has_free_turn, unwind, unwind_free
+    from maira_qp.kernels.search.multi_start import SUCCESS
     from maira_qp.kernels.search.seeds import has_long_slides
-    from maira_qp.solvers.compiled.engine import SUCCESS, has_free_turn, unwind, unwind_free
 
     problem = _Problem(_six_axes("continuous"), Weighted(Posture(), weight=1e-3))
     turns, robot = problem.engine.turns, Robot.maira()
@@ -180,7 +191,7 @@ def _small() -> None:
     has_free_turn(*free, problem.q)
     unwind_free(*free, np.ones(1, dtype=bool), problem.q)
     has_long_slides(problem.engine.chain)
-    streams(problem.asked.rows, SEED_0)
+    streams(problem.batch.rows, SEED_0)
     robot.jacobians(np.zeros((1, robot.n)))
     srs = SRS.of(robot)
     assert srs is not None

@@ -16,7 +16,8 @@ from maira_qp.kernels.kinematics.unwrap import unwind
 from maira_qp.kernels.search.multi_start import FINAL_COST, SPENT, SUCCESS
 from maira_qp.problem.qp.costs import TaskCost
 from maira_qp.robots.model.configuration import Configuration
-from maira_qp.solvers.compiled.engine import Compiled
+from maira_qp.solvers.compiled.multi_start import descend, placed
+from maira_qp.solvers.compiled.problem_arrays import ProblemArrays
 from maira_qp.solvers.reference.context import Context
 from maira_qp.solvers.reference.levenberg_marquardt import Budget, Descent
 from maira_qp.solvers.reference.multi_start import Search, attempt_from, search
@@ -26,7 +27,7 @@ DESCENTS = 8
 
 
 def screen(
-    engine: Compiled,
+    engine: ProblemArrays,
     row: np.ndarray,
     cost: TaskCost,
     context: Context,
@@ -42,7 +43,7 @@ def screen(
     """
     robot, options = context.robot, context.options
     starts = np.array([context.random_start(rng) for _ in range(options.max_restarts + 1)])
-    q, outcome = engine.descend(row, engine.placed(row, starts))
+    q, outcome = descend(engine, row, placed(engine, row, starts))
     budget.iterations += int(outcome[:, SPENT].sum())
     breaches = np.full(len(q), np.inf)
     arrived = np.flatnonzero(outcome[:, SUCCESS] > 0.0)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from threading import Event
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -45,12 +44,15 @@ from maira_qp.kernels.search.multi_start import (
     SUCCESS,
     WANDERED,
 )
+from maira_qp.solvers.compiled.anywhere import find_anywhere
+from maira_qp.solvers.compiled.batch import Batch
+from maira_qp.solvers.compiled.closed_form import reach_near_posture
+from maira_qp.solvers.compiled.multi_start import attempts, find_in_time
+from maira_qp.solvers.compiled.problem_arrays import ProblemArrays
+from maira_qp.solvers.compiled.refinement import nearest, references, refine
 from maira_qp.solvers.compiled.thread_pool import parts
 from maira_qp.solvers.neighbourhood import BESIDE, NEAR, SHORT_STEP, starts_beside
 from maira_qp.solvers.reference.levenberg_marquardt import Budget
-
-if TYPE_CHECKING:
-    from maira_qp.solvers.compiled.engine import Asked, Compiled
 
 Found = tuple[np.ndarray, np.ndarray]
 """q (N, n) and outcomes (N, 9) of `kernels.search.multi_start`"""
@@ -60,74 +62,74 @@ Found = tuple[np.ndarray, np.ndarray]
 class NearStart:
     """The search from starts of one problem."""
 
-    engine: Compiled
-    in_short_steps: Compiled
+    arrays: ProblemArrays
+    in_short_steps: ProblemArrays
     """The same with descents that follow the valley that they begin in"""
-    elsewhere: Compiled | None
+    elsewhere: ProblemArrays | None
     """The same with one attempt less; None: there are no restarts"""
 
     @staticmethod
-    def of(engine: Compiled) -> NearStart:
+    def of(arrays: ProblemArrays) -> NearStart:
         """For a problem."""
-        settings, last = engine.settings.copy(), engine.last_attempt
+        settings, last = arrays.settings.copy(), arrays.last_attempt
         settings[LONGEST], settings[STALL_RATIO] = SHORT_STEP, 0.0
-        elsewhere = replace(engine, last_attempt=last - 1) if last > 0 else None
-        return NearStart(engine, replace(engine, settings=settings), elsewhere)
+        elsewhere = replace(arrays, last_attempt=last - 1) if last > 0 else None
+        return NearStart(arrays, replace(arrays, settings=settings), elsewhere)
 
-    def search_on(self, asked: Asked, q: np.ndarray, outcome: np.ndarray, halted: Event) -> None:
+    def search_on(self, batch: Batch, q: np.ndarray, outcome: np.ndarray, halted: Event) -> None:
         """From where the descents from the starts ended: q (N, n) and outcomes (N, 9) in place."""
         arrived = (outcome[:, SUCCESS] > 0.0) & (outcome[:, WANDERED] == 0.0)
         for part in parts(
-            np.flatnonzero(~arrived & np.isfinite(outcome[:, FINAL_COST])), self.engine.last_attempt + 1, halted
+            np.flatnonzero(~arrived & np.isfinite(outcome[:, FINAL_COST])), self.arrays.last_attempt + 1, halted
         ):
-            some, near, end = asked.some(part), q[part], outcome[part]
+            some, near, end = batch.some(part), q[part], outcome[part]
             self._follow(some, near, end)
             self._look_nearer(some, near, end)
             left = np.flatnonzero(end[:, SUCCESS] == 0.0)
             if len(left) and self.elsewhere is None:
-                end[left[self.engine.proofs.unreachable(some.rows[left])], SUCCESS] = PROVED
+                end[left[self.arrays.proofs.unreachable(some.rows[left])], SUCCESS] = PROVED
             elif len(left):
                 there = self._look_elsewhere(some.some(left), halted)
                 near[left], end[left] = self._better(some.some(left), (near[left], end[left]), there)
             q[part], outcome[part] = near, end
 
-    def search_in_time(self, asked: Asked, q: np.ndarray, outcome: np.ndarray, budget: Budget) -> None:
+    def search_in_time(self, batch: Batch, q: np.ndarray, outcome: np.ndarray, budget: Budget) -> None:
         """The same for one target for which there may be too little time."""
-        self._follow(asked, q, outcome)
-        self._look_nearer(asked, q, outcome)
+        self._follow(batch, q, outcome)
+        self._look_nearer(batch, q, outcome)
         if outcome[0, SUCCESS] > 0.0 or self.elsewhere is None or budget.late():
             return
-        there = self._look_beside(asked)
+        there = self._look_beside(batch)
         if there[1][0, SUCCESS] == 0.0 and not budget.late():
-            self.elsewhere.find_in_time(asked.anywhere, *there, budget)
-            self._turn_and_approach(asked, *there)
-        q[:], outcome[:] = self._better(asked, (q, outcome), there)
+            find_in_time(self.elsewhere, batch.anywhere, *there, budget)
+            self._turn_and_approach(batch, *there)
+        q[:], outcome[:] = self._better(batch, (q, outcome), there)
 
-    def _follow(self, asked: Asked, q: np.ndarray, outcome: np.ndarray) -> None:
+    def _follow(self, batch: Batch, q: np.ndarray, outcome: np.ndarray) -> None:
         """To the pose or a nearest point, in place; where a descent wandered, in short steps if that ends nearer."""
-        self._approach(self.engine, asked, q, outcome)
-        far = _displacements(q, asked.starts)
+        self._approach(self.arrays, batch, q, outcome)
+        far = _displacements(q, batch.starts)
         moved = np.where(outcome[:, SUCCESS] > 0.0, outcome[:, WANDERED] > 0.0, far > NEAR)
         again = np.flatnonzero(moved)
         if not len(again):
             return
-        some, steady = asked.some(again), np.zeros(len(again), dtype=bool)
+        some, steady = batch.some(again), np.zeros(len(again), dtype=bool)
         near, end = np.empty((len(again), q.shape[1])), np.empty((len(again), OUTCOME))
-        self.in_short_steps.attempts(some, 0, 0, near, end)
+        attempts(self.in_short_steps, some, 0, 0, near, end)
         steady = self._approach(self.in_short_steps, some, near, end)
         arrived = (outcome[again, SUCCESS] > 0.0) & (end[:, SUCCESS] > 0.0)
         taken = steady & ~(arrived & (_displacements(near, some.starts) >= far[again]))
         which = again[taken]
         wandered = q[which], outcome[which]
-        q[which], outcome[which] = self._better(asked.some(which), (near[taken], end[taken]), wandered)
+        q[which], outcome[which] = self._better(batch.some(which), (near[taken], end[taken]), wandered)
 
-    def _look_nearer(self, asked: Asked, q: np.ndarray, outcome: np.ndarray) -> None:
+    def _look_nearer(self, batch: Batch, q: np.ndarray, outcome: np.ndarray) -> None:
         """Where a descent reaches its target, but only far away: what does so near the start, in place."""
-        far = _displacements(q, asked.starts)
+        far = _displacements(q, batch.starts)
         which = np.flatnonzero((outcome[:, SUCCESS] > 0.0) & (outcome[:, WANDERED] > 0.0) & (far > NEAR))
         if not len(which) or self.elsewhere is None:
             return
-        some = asked.some(which)
+        some = batch.some(which)
         there, found = self._look_beside(some)
         nearer = (found[:, SUCCESS] > 0.0) & (_displacements(there, some.starts) < far[which])
         outcome[which, SPENT] += found[:, SPENT]
@@ -135,54 +137,54 @@ class NearStart:
         for column in (FINAL_COST, POSITION_ERROR, ORIENTATION_ERROR):
             outcome[which[nearer], column] = found[nearer, column]
 
-    def _look_elsewhere(self, asked: Asked, halted: Event) -> Found:
+    def _look_elsewhere(self, batch: Batch, halted: Event) -> Found:
         """What is found from other starts: reached near the own one if possible, else anywhere, or nearest points."""
         assert self.elsewhere is not None
-        q, outcome = self._look_beside(asked)
+        q, outcome = self._look_beside(batch)
         left = np.flatnonzero(outcome[:, SUCCESS] == 0.0)
         if len(left):
-            some = asked.some(left)
+            some = batch.some(left)
             far, end = np.empty((len(left), q.shape[1])), np.empty((len(left), OUTCOME))
-            self.elsewhere.find(some.anywhere, far, end, halted)
+            find_anywhere(self.elsewhere, some.anywhere, far, end, halted)
             self._turn_and_approach(some, far, end)
             end[:, SPENT] += outcome[left, SPENT]
             q[left], outcome[left] = far, end
         return q, outcome
 
-    def _look_beside(self, asked: Asked) -> Found:
+    def _look_beside(self, batch: Batch) -> Found:
         """What reaches the targets near the starts; where nothing does the outcome is no success."""
-        count, n = asked.starts.shape
+        count, n = batch.starts.shape
         q, outcome = np.zeros((count, n)), np.zeros((count, OUTCOME))
-        if self.engine.proofs.srs is not None:
+        if self.arrays.proofs.srs is not None:
             for k in range(count):
-                self.engine.reach_near_posture(
-                    asked.rows[k : k + 1], asked.starts[k], np.ones(n), q[k : k + 1], outcome[k : k + 1]
+                reach_near_posture(
+                    self.arrays, batch.rows[k : k + 1], batch.starts[k], np.ones(n), q[k : k + 1], outcome[k : k + 1]
                 )
-            unwind(self.engine.chain, asked.starts, outcome[:, SUCCESS], q)
+            unwind(self.arrays.chain, batch.starts, outcome[:, SUCCESS], q)
         else:
-            around = starts_beside(self.engine.robot, asked.starts).reshape(-1, n)
-            many = asked.some(np.repeat(np.arange(count), BESIDE))
+            around = starts_beside(self.arrays.robot, batch.starts).reshape(-1, n)
+            many = batch.some(np.repeat(np.arange(count), BESIDE))
             ends, found = np.empty(around.shape), np.empty((len(around), OUTCOME))
-            self.engine.attempts(many._replace(starts=around), 0, 0, ends, found)
-            unwind(self.engine.chain, many.starts, found[:, SUCCESS], ends)
+            attempts(self.arrays, many._replace(starts=around), 0, 0, ends, found)
+            unwind(self.arrays.chain, many.starts, found[:, SUCCESS], ends)
             apart = np.where(found[:, SUCCESS] > 0.0, _displacements(ends, many.starts), np.inf).reshape(count, BESIDE)
             nearest = apart.argmin(axis=1)
             chosen = nearest + BESIDE * np.arange(count)
             q[:], outcome[:] = ends[chosen], found[chosen]
             outcome[:, ATTEMPT] = nearest
             outcome[:, SPENT] = found[:, SPENT].reshape(count, BESIDE).sum(axis=1)
-        outcome[:, ATTEMPT] = np.minimum(outcome[:, ATTEMPT] + 1.0, self.engine.last_attempt)
+        outcome[:, ATTEMPT] = np.minimum(outcome[:, ATTEMPT] + 1.0, self.arrays.last_attempt)
         return q, outcome
 
-    def _turn_and_approach(self, asked: Asked, q: np.ndarray, outcome: np.ndarray) -> None:
+    def _turn_and_approach(self, batch: Batch, q: np.ndarray, outcome: np.ndarray) -> None:
         """What was found without the starts: turned to them, and where it is short at the nearest point."""
         outcome[:, ATTEMPT] += 1.0
         proved = outcome[:, SUCCESS] == PROVED
-        unwind(self.engine.chain, asked.starts, np.ones(len(q)), q)
-        self._approach(self.engine, asked, q, outcome)
+        unwind(self.arrays.chain, batch.starts, np.ones(len(q)), q)
+        self._approach(self.arrays, batch, q, outcome)
         outcome[proved, SUCCESS] = PROVED
 
-    def _approach(self, engine: Compiled, asked: Asked, q: np.ndarray, outcome: np.ndarray) -> np.ndarray:
+    def _approach(self, arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome: np.ndarray) -> np.ndarray:
         """From what does not reach its target to the nearest point, in place.
 
         Returns which of q (N, n) reach their targets or are stationary, (N,).
@@ -191,24 +193,24 @@ class NearStart:
         short = np.flatnonzero(~steady & np.isfinite(outcome[:, FINAL_COST]))
         if not len(short):
             return steady
-        q[short], end = engine.nearest(asked.rows[short], engine.references(asked.some(short)), q[short])
+        q[short], end = nearest(arrays, batch.rows[short], references(arrays, batch.some(short)), q[short])
         outcome[short, SUCCESS] = end[:, REACHED]
         outcome[short, SPENT] += end[:, ITERATIONS]
         outcome[short, POSITION_ERROR] = end[:, POSITION_LEFT]
         outcome[short, ORIENTATION_ERROR] = end[:, ORIENTATION_LEFT]
         outcome[short, FINAL_COST] = 0.5 * np.square(self._weighted_errors(outcome[short]))
         steady[short] = (end[:, REACHED] > 0.0) | (
-            end[:, PROJECTED_GRADIENT] <= engine.settling[STATIONARITY_TOLERANCE]
+            end[:, PROJECTED_GRADIENT] <= arrays.settling[STATIONARITY_TOLERANCE]
         )
         return steady
 
-    def _better(self, asked: Asked, near: Found, there: Found) -> Found:
+    def _better(self, batch: Batch, near: Found, there: Found) -> Found:
         """Of what is near and what is there the former, unless the latter is worth leaving for."""
         (q, end), (other, found) = near, there
         arrived, reached = end[:, SUCCESS] > 0.0, found[:, SUCCESS] > 0.0
         errors = self._weighted_errors(found)
-        if self.engine.trades_off and reached.any():
-            errors[reached] = self._traded_off(asked.some(reached), other[reached])
+        if self.arrays.trades_off and reached.any():
+            errors[reached] = self._traded_off(batch.some(reached), other[reached])
             reached[:] = False
         leaves = ~arrived & (reached | (self._weighted_errors(end) - errors > self._margin))
         outcome = np.where(leaves[:, None], found, end)
@@ -217,10 +219,10 @@ class NearStart:
         outcome[~arrived & (found[:, SUCCESS] == PROVED), SUCCESS] = PROVED
         return np.where(leaves[:, None], other, q), outcome
 
-    def _traded_off(self, asked: Asked, q: np.ndarray) -> np.ndarray:
+    def _traded_off(self, batch: Batch, q: np.ndarray) -> np.ndarray:
         """|W e| (N,) that a redundancy by weight leaves of the errors of q (N, n), which reach their targets."""
         q, end = q.copy(), np.empty((len(q), SETTLED))
-        self.engine.settle(asked.rows, self.engine.references(asked), q, end)
+        refine(self.arrays, batch.rows, references(self.arrays, batch), q, end)
         return self._weighted(end[:, [POSITION_LEFT, ORIENTATION_LEFT]])
 
     def _weighted_errors(self, outcome: np.ndarray) -> np.ndarray:
@@ -229,13 +231,13 @@ class NearStart:
 
     def _weighted(self, errors: np.ndarray) -> np.ndarray:
         """|W e| (N,) of errors of position and orientation (N, 2)."""
-        weights = self.engine.settings[[POSITION_WEIGHT, ORIENTATION_WEIGHT]]
+        weights = self.arrays.settings[[POSITION_WEIGHT, ORIENTATION_WEIGHT]]
         return np.asarray(np.linalg.norm(weights * errors, axis=1))
 
     @property
     def _margin(self) -> float:
         """|W (position tolerance, orientation tolerance)|."""
-        return float(self._weighted(self.engine.settings[None, [POSITION_TOLERANCE, ORIENTATION_TOLERANCE]])[0])
+        return float(self._weighted(self.arrays.settings[None, [POSITION_TOLERANCE, ORIENTATION_TOLERANCE]])[0])
 
 
 def _displacements(q: np.ndarray, starts: np.ndarray) -> np.ndarray:

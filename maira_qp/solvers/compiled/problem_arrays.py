@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from maira_qp.kernels.kinematics.serial_chain import LOWER, START_LOWER, START_UPPER, UPPER
+from maira_qp.kernels.kinematics.unwrap import TURN
 from maira_qp.kernels.search.levenberg_marquardt import (
     LEAST_DAMPING,
     MAX_ITERATIONS,
@@ -25,7 +26,7 @@ from maira_qp.problem.problem import Problem
 from maira_qp.problem.redundancy import Strict
 from maira_qp.problem.targets import FARTHEST
 from maira_qp.problem.tasks.frame import FrameTask
-from maira_qp.robots.model.revolutions import WholeTurns
+from maira_qp.robots.model.revolutions import WITHIN, WholeTurns
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers import neighbourhood
 from maira_qp.solvers.certificates import Proofs
@@ -163,6 +164,23 @@ class ProblemArrays:
     def farthest(self) -> float:
         """A coordinate of a target beyond this [m] is a mistake."""
         return FARTHEST * self.robot.length
+
+    @property
+    def trades_off(self) -> bool:
+        """There is a redundancy, and it is `Weighted`."""
+        return self.redundancy is not None and bool(self.redundancy[KIND] == WEIGHTED)
+
+    @cached_property
+    def posture(self) -> tuple[np.ndarray, np.ndarray]:
+        """Reference (n,) and weights (n,) of the redundancy's objective."""
+        assert self.redundancy is not None
+        return self.redundancy[2 : 2 + self.n], self.redundancy[2 + self.n :]
+
+    @cached_property
+    def has_turns(self) -> bool:
+        """Some joint can stand at more than one turn."""
+        span = (self.robot.upper - self.robot.lower)[~self.robot.slides]
+        return bool((span > TURN + WITHIN).any())
 
     @cached_property
     def settles(self) -> bool:

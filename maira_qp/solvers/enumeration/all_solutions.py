@@ -41,8 +41,9 @@ from maira_qp.results.solution_set import ListedSolution, Solutions
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.revolutions import WholeTurns
 from maira_qp.robots.model.robot import Robot, drawn
-from maira_qp.solvers.compiled.engine import Compiled
-from maira_qp.solvers.compiled.problem_arrays import unsupported
+from maira_qp.solvers.compiled.multi_start import descend, placed
+from maira_qp.solvers.compiled.problem_arrays import ProblemArrays, unsupported
+from maira_qp.solvers.compiled.refinement import refined
 from maira_qp.solvers.enumeration.exhaustive_multi_start import multi_start, new_among
 from maira_qp.solvers.reference.context import Context
 from maira_qp.solvers.reference.levenberg_marquardt import Budget
@@ -70,7 +71,7 @@ TOO_MANY_TURNS = "of the whole turns within the limits only the nearest are list
 
 def all_solutions(
     context: Context,
-    engine: Compiled | None,
+    engine: ProblemArrays | None,
     targets: Targets,
     objective: Objective,
     seed: np.ndarray,
@@ -99,7 +100,7 @@ def all_solutions(
     ranked_by = context.problem.with_redundancy(Strict(objective))
     if reason := unsupported(ranked_by):
         raise OptionError(f"solutions cannot be listed: {reason}")
-    ranking_engine = Compiled.build(ranked_by) if engine is None else engine.with_problem(ranked_by)
+    ranking_engine = ProblemArrays.build(ranked_by) if engine is None else engine.with_problem(ranked_by)
     enumeration = Enumeration(task, objective, context, ranking_engine, seed, most)
     decomposition = Decomposition.of(robot) if enumeration.is_isolated else None
     if decomposition is not None:
@@ -109,7 +110,7 @@ def all_solutions(
 
 def nearest_solution(
     context: Context,
-    engine: Compiled | None,
+    engine: ProblemArrays | None,
     targets: Targets,
     posture: Posture,
     seed: np.ndarray,
@@ -150,7 +151,7 @@ class Enumeration:
     objective: Objective
     """What they are ranked by, made for the robot"""
     context: Context
-    engine: Compiled
+    engine: ProblemArrays
     """With the objective as its redundancy, if the kernels know it"""
     seed: np.ndarray
     """(2,) of what is random"""
@@ -203,15 +204,15 @@ class Enumeration:
 
     def _draw(self, count: int) -> np.ndarray:
         """Random starts (count, n)."""
-        return self.engine.placed(self._row, drawn(self._rng, *self.turns.window, count))
+        return placed(self.engine, self._row, drawn(self._rng, *self.turns.window, count))
 
     @cached_property
-    def _free_engine(self) -> Compiled:
+    def _free_engine(self) -> ProblemArrays:
         """Without the limits of joints that have all angles within them."""
         return self._settling_engine.without_limits(self.turns.everywhere)
 
     @cached_property
-    def _settling_engine(self) -> Compiled:
+    def _settling_engine(self) -> ProblemArrays:
         if self.engine.settles:
             return self.engine
         problem = self.context.problem
@@ -225,16 +226,16 @@ class Enumeration:
             within = self.turns.within(q[k][None])
             q[k] = within[0] if len(within) else np.nan
         if not self.is_isolated:
-            ends, optimal = self._settling_engine.settled(self._row, q[reached])
+            ends, optimal = refined(self._settling_engine, self._row, q[reached])
             q[reached] = np.where(optimal[:, None], ends, np.nan)
         return q
 
-    def _descended(self, engine: Compiled, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _descended(self, engine: ProblemArrays, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where descents from starts (N, n) end, (N, n), and whether they reach the pose (N,): then exactly, if any."""
         errors = [POSITION_ERROR, ORIENTATION_ERROR]
-        q, outcome = engine.descend(self._row, starts)
+        q, outcome = descend(engine, self._row, starts)
         reached = self._is_reached(outcome[:, errors])
-        q[reached], outcome[reached] = engine.exact().descend(self._row, q[reached])
+        q[reached], outcome[reached] = descend(engine.exact(), self._row, q[reached])
         return q, self._is_reached(outcome[:, errors])
 
     def _is_reached(self, errors: np.ndarray) -> np.ndarray:

@@ -1,0 +1,117 @@
+"""The multi-start stage: descents from starts, from the seed library and from random configurations, by kernels."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from threading import Event
+
+import numpy as np
+
+from maira_qp.kernels.jit.simd import LANES
+from maira_qp.kernels.search.levenberg_marquardt import lanes_memory
+from maira_qp.kernels.search.multi_start import (
+    ATTEMPT,
+    FINAL_COST,
+    OUTCOME,
+    PROVED,
+    SPENT,
+    SUCCESS,
+    memory_sizes,
+    search,
+)
+from maira_qp.kernels.search.seeds import has_long_slides, place_all
+from maira_qp.solvers.compiled.batch import Batch
+from maira_qp.solvers.compiled.problem_arrays import ProblemArrays
+from maira_qp.solvers.compiled.thread_pool import parts
+from maira_qp.solvers.reference.levenberg_marquardt import Budget
+from maira_qp.solvers.reference.multi_start import HEAD
+
+sizes_of = lru_cache(memory_sizes)
+
+
+def attempts(arrays: ProblemArrays, batch: Batch, first: int, last: int, q: np.ndarray, outcome: np.ndarray) -> int:
+    """The attempts first, ..., last at the targets, see `kernels.search.multi_start`; how many are left open."""
+    floats, integers = sizes_of(arrays.n, last - first + 1)
+    return search(
+        arrays.chain,
+        arrays.settings,
+        arrays.library,
+        arrays.features,
+        arrays.candidates,
+        batch.shuffled,
+        batch.rows,
+        batch.starts,
+        batch.streams,
+        first,
+        last,
+        np.empty(floats),
+        np.empty(integers, np.int64),
+        q,
+        outcome,
+    )
+
+
+def attempt(
+    arrays: ProblemArrays, batch: Batch, first: int, last: int, some: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """q (k, n) and outcomes (k, 7) of the attempts first, ..., last at k of the targets."""
+    q, outcome = np.empty((len(some), arrays.n)), np.empty((len(some), OUTCOME))
+    attempts(arrays, batch.some(some), first, last, q, outcome)
+    return q, outcome
+
+
+def find_by_descents(arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome: np.ndarray, halted: Event) -> None:
+    """The same for any chain: some descents at each target, then proofs, then the others at what resists."""
+    last, head = arrays.last_attempt, min(HEAD, arrays.last_attempt)
+    attempts(arrays, batch, 0, head, q, outcome)
+    if outcome[:, SUCCESS].all():
+        return
+    left = np.flatnonzero((outcome[:, SUCCESS] == 0.0) & np.isfinite(outcome[:, FINAL_COST]))
+    for part in parts(left, last + 1, halted):
+        proved = arrays.proofs.unreachable(batch.rows[part])
+        outcome[part[proved], SUCCESS] = PROVED
+        resisting = part[~proved]
+        if head < last and len(resisting):
+            found_q, found = attempt(arrays, batch, head + 1, last, resisting)
+            found[:, SPENT] += outcome[resisting, SPENT]
+            worse = (found[:, SUCCESS] == 0.0) & (outcome[resisting, FINAL_COST] <= found[:, FINAL_COST])
+            found[worse, FINAL_COST:] = outcome[resisting[worse], FINAL_COST:]
+            found_q[worse] = q[resisting[worse]]
+            q[resisting], outcome[resisting] = found_q, found
+
+
+def find_in_time(arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome: np.ndarray, budget: Budget) -> None:
+    """`find` for one target without a start, for which there may be too little time."""
+    spent, proved = 0.0, False
+    for first in range(0, arrays.last_attempt + 1, LANES):
+        found_q, found = attempt(arrays, batch, first, min(first + LANES - 1, arrays.last_attempt), np.arange(1))
+        spent += found[0, SPENT]
+        if first == 0 or found[0, SUCCESS] > 0.0 or found[0, FINAL_COST] < outcome[0, FINAL_COST]:
+            q[:], outcome[:] = found_q, found
+        outcome[0, ATTEMPT] = found[0, ATTEMPT]
+        proved = first == 0 and not (found[0, SUCCESS] > 0.0 or budget.late()) and _is_proved(arrays, batch)
+        if found[0, SUCCESS] > 0.0 or proved or budget.late():
+            break
+    outcome[0, SPENT] = spent
+    if proved:
+        outcome[0, SUCCESS] = PROVED
+
+
+def _is_proved(arrays: ProblemArrays, batch: Batch) -> bool:
+    return bool(arrays.proofs.unreachable(batch.rows)[0])
+
+
+def descend(arrays: ProblemArrays, row: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where single descents from starts (N, n) toward a target (12,) end: q (N, n), outcomes (N, 7)."""
+    q, outcome = np.empty(starts.shape), np.empty((len(starts), OUTCOME))
+    batch = Batch(np.tile(row, (len(starts), 1)), starts, np.zeros(len(starts), np.uint64), False)
+    attempts(arrays, batch, 0, 0, q, outcome)
+    return q, outcome
+
+
+def placed(arrays: ProblemArrays, row: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """The starts (N, n) with slides that are sampled in part only placed by a target (12,)."""
+    if has_long_slides(arrays.chain):
+        starts = starts.copy()
+        place_all(arrays.chain, arrays.settings, row, np.empty(lanes_memory(starts.shape[1])), starts)
+    return starts

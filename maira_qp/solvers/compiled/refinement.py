@@ -1,0 +1,178 @@
+"""The refinement stage: the optimum of the redundancy where a pose is reached, else the nearest point, by kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from maira_qp.kernels.kinematics.unwrap import has_free_turn, unwind, unwind_free
+from maira_qp.kernels.refinement.nearest_pose import nearest_points
+from maira_qp.kernels.refinement.null_space_sqp import settle, trade_off_each
+from maira_qp.kernels.refinement.stabilized_sqp_simd import (
+    ITERATIONS,
+    MAX_SETTLING,
+    OBJECTIVE,
+    PROJECTED_GRADIENT,
+    REACHED,
+    STATIONARITY_TOLERANCE,
+)
+from maira_qp.kernels.refinement.stabilized_sqp_simd import OUTCOME as SETTLED
+from maira_qp.kernels.search.multi_start import ATTEMPT, FINAL_COST, SPENT, SUCCESS
+from maira_qp.solvers.compiled.batch import Batch
+from maira_qp.solvers.compiled.multi_start import attempt
+from maira_qp.solvers.compiled.problem_arrays import WEIGHT, ProblemArrays
+from maira_qp.solvers.neighbourhood import TURNINGS
+
+ELSEWHERE, WORTH = 6, 1.02
+"""Other ways to the pose from which the redundancy is settled where it was not at first, at most; and how much larger
+its objective may be there. In a fold of the self-motion the tolerances of the pose are worth a percent of it."""
+
+
+def finish(arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome: np.ndarray) -> np.ndarray:
+    """From what was found for the targets (N, 12) to the redundancy's optimum, or the nearest point; q in place.
+
+    The second outcomes (N, 6), see `kernels.refinement.null_space_sqp.settle`; NaN where there was nothing to do.
+    """
+    after = np.full((len(q), SETTLED), np.nan)
+    if arrays.settles:
+        refine(arrays, batch.rows, references(arrays, batch), q, after)
+        if not len(batch.starts):
+            for k in np.flatnonzero((outcome[:, SUCCESS] > 0.0) & ~is_converged(arrays, after)).tolist():
+                _refine_elsewhere(arrays, batch, k, q, outcome, after)
+    if outcome[:, SUCCESS].min() > 0.0:
+        return after
+    short = np.flatnonzero(~(outcome[:, SUCCESS] > 0.0) & np.isfinite(outcome[:, FINAL_COST]))
+    if len(short):
+        q[short], after[short] = nearest(arrays, batch.rows[short], references(arrays, batch.some(short)), q[short])
+    return after
+
+
+def refine(arrays: ProblemArrays, rows: np.ndarray, near: np.ndarray | None, q: np.ndarray, after: np.ndarray) -> None:
+    """Settle the redundancy at the configurations q (N, n), in place, that reach the targets (N, 12).
+
+    Joints turn to what is `near`, (N, n) or (1, n), as `_at_turns` says; None: they keep their turns.
+    """
+    _refine_strictly(arrays, rows, q, after)
+    if near is not None:
+        _at_turns(arrays, rows, near, arrays.posture, partial(_refine_strictly, arrays), q, after)
+    if arrays.trades_off:
+        _trade_off(arrays, rows, q, after)
+        if near is not None:
+            _at_turns(arrays, rows, near, arrays.posture, partial(_trade_off_again, arrays), q, after)
+
+
+def refined(arrays: ProblemArrays, row: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The optima of the redundancy near q (N, n), which reach a target (12,), and whether they are reached (N,)."""
+    q, outcome = q.copy(), np.empty((len(q), SETTLED))
+    refine(arrays, np.tile(row, (len(q), 1)), None, q, outcome)
+    return q, (outcome[:, REACHED] > 0.0) & is_converged(arrays, outcome)
+
+
+def nearest(
+    arrays: ProblemArrays, rows: np.ndarray, near: np.ndarray | None, q: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The stationary points of the pose error that q (N, n) lead to, and second outcomes (N, 6).
+
+    Joints turn to what is `near`, (N, n) or (1, n), as `_at_turns` says; None: they keep their turns.
+    """
+    q, after, free = q.copy(), np.empty((len(q), SETTLED)), np.zeros(arrays.n)
+    _approach(arrays, rows, q, after)
+    if near is not None:
+        _at_turns(arrays, rows, near, (free, free), partial(_approach, arrays), q, after)
+    return q, after
+
+
+def references(arrays: ProblemArrays, batch: Batch) -> np.ndarray | None:
+    """What joints are turned to: the starts (N, n), or the posture wished for (1, n); None: they have one turn."""
+    if not arrays.has_turns:
+        return None
+    return batch.starts if len(batch.starts) else arrays.turns.aim[None]  # type: ignore[union-attr]
+
+
+def is_converged(arrays: ProblemArrays, after: np.ndarray) -> np.ndarray:
+    """Which of the second outcomes (N, 6) are optima, (N,)."""
+    return np.asarray(after[:, PROJECTED_GRADIENT] <= arrays.settling[STATIONARITY_TOLERANCE])
+
+
+def _refine_strictly(arrays: ProblemArrays, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
+    """To the optima of the objective alone."""
+    settle(arrays.chain, arrays.settings, rows, *arrays.posture, arrays.settling, q, after)
+
+
+def _trade_off(arrays: ProblemArrays, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
+    """From there to the optima of the weighted sum."""
+    weight = arrays.redundancy[WEIGHT]  # type: ignore[index]
+    trade_off_each(arrays.chain, arrays.settings, rows, *arrays.posture, weight, arrays.settling, q, after)
+
+
+def _trade_off_again(arrays: ProblemArrays, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
+    """From near such optima."""
+    after[:, [REACHED, ITERATIONS]] = 1.0, 0.0
+    _trade_off(arrays, rows, q, after)
+
+
+def _at_turns(
+    arrays: ProblemArrays,
+    rows: np.ndarray,
+    near: np.ndarray,
+    posture: tuple[np.ndarray, np.ndarray],
+    refine: Callable[[np.ndarray, np.ndarray, np.ndarray], None],
+    q: np.ndarray,
+    after: np.ndarray,
+) -> None:
+    """Turn joints of q (N, n), which was refined, to the whole turns nearest to what is `near`, in place.
+
+    No joint is turned to where the cost of a posture (n,) by weights (n,) is higher. What was turned is refined
+    again: limits that held a joint up may be a whole turn away.
+    """
+    if not has_free_turn(arrays.chain, near, *posture, q):
+        return
+    which = after[:, PROJECTED_GRADIENT] < np.inf
+    for _ in range(TURNINGS):
+        turned, there = which.copy(), q.copy()
+        unwind_free(arrays.chain, near, *posture, turned, there)
+        some = np.flatnonzero(turned)
+        if not len(some):
+            return
+        q_some, end = there[some], np.empty((len(some), SETTLED))
+        refine(rows[some], q_some, end)
+        end[:, ITERATIONS] += after[some, ITERATIONS]
+        worse = (is_converged(arrays, after[some]) & ~is_converged(arrays, end)) | (
+            end[:, REACHED] < after[some, REACHED]
+        )
+        q[some[~worse]], after[some[~worse]] = q_some[~worse], end[~worse]
+        which[some[worse]] = False
+
+
+def _refine_elsewhere(
+    arrays: ProblemArrays, batch: Batch, k: int, q: np.ndarray, outcome: np.ndarray, after: np.ndarray
+) -> None:
+    """Try to settle target k, which resists, from where later attempts reach it: q and both outcomes in place.
+
+    In a narrow fold of the self-motion steps are short, and a walk stops; from its other side it may be easy.
+    """
+    some, begun = np.array([k]), outcome[k, ATTEMPT]
+    for _ in range(ELSEWHERE):
+        first = int(begun) + 1
+        if first > arrays.last_attempt:
+            return
+        there, found = attempt(arrays, batch, first, arrays.last_attempt, some)
+        if not found[0, SUCCESS] > 0.0:
+            return
+        begun, end = found[0, ATTEMPT], np.full((1, SETTLED), np.nan)
+        if arrays.turns is not None:
+            unwind(arrays.chain, arrays.turns.aim[None], found[:, SUCCESS], there)
+        refine(arrays, batch.rows[some], references(arrays, batch.some(some)), there, end)
+        if is_converged(arrays, end)[0] and end[0, OBJECTIVE] <= WORTH * after[k, OBJECTIVE]:
+            found[0, SPENT] += outcome[k, SPENT]
+            q[k], outcome[k], after[k] = there[0], found[0], end[0]
+            return
+
+
+def _approach(arrays: ProblemArrays, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
+    """To the stationary points of the pose error, in place."""
+    posture = arrays.posture if arrays.settles else (np.full(arrays.n, np.nan), np.zeros(arrays.n))
+    tolerance, most = arrays.settling[STATIONARITY_TOLERANCE], int(arrays.settling[MAX_SETTLING])
+    nearest_points(arrays.chain, arrays.settings, rows, *posture, tolerance, most, q, after)
