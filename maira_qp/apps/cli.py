@@ -106,7 +106,7 @@ def _run(arguments: list[str]) -> int:
             _run([*arguments, "--help"])
         return MISUSE
     try:
-        return _parse(arguments).run()
+        return parse(arguments).run()
     except BrokenPipeError:
         raise
     except (MairaError, OSError) as reason:
@@ -117,7 +117,7 @@ def _run(arguments: list[str]) -> int:
         return MISUSE if isinstance(end.code, str) else end.code or 0
 
 
-def _parse(arguments: list[str]) -> Command:
+def parse(arguments: list[str]) -> Command:
     """The command with its flags. Raises `MairaError` for a bad value, `SystemExit` after help or a bad flag."""
     _check_word(arguments[:1], "command", Command)
     if arguments[:1] == ["plot"]:

@@ -152,11 +152,11 @@ class TargetSource:
 
     def _aligned(self, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         joint = self.robot.n - 2
-        values = self._turns(q, joint, self._alignment)
-        best = max(values, key=lambda value: round(abs(self._alignment(_with(q, joint, value))), 9))
+        values = self._turns(q, joint, self.alignment)
+        best = max(values, key=lambda value: round(abs(self.alignment(_with(q, joint, value))), 9))
         return self._set_near(q, joint, best, rng)
 
-    def _alignment(self, q: np.ndarray) -> float:
+    def alignment(self, q: np.ndarray) -> float:
         """Cosine between the axes of the last joint and the last but two."""
         before, _ = self.judge.frames(q)
         a, b = (self._joint_of[self.robot.n - 3], self._joint_of[self.robot.n - 1])

@@ -9,8 +9,8 @@ import pickle
 
 import numpy as np
 import pytest
-from conftest import load
-from test_tasks import height_task
+from support.own_tasks import height_task
+from support.robots import load
 
 import maira_qp as mq
 from maira_qp.solvers.compiled.step import CompiledTick

@@ -177,7 +177,7 @@ def at_each(found: Sequence[Arc], which: np.ndarray, psi: np.ndarray) -> np.ndar
     for elbow in {id(arc._elbow): arc._elbow for arc in found}.values():
         rows = np.flatnonzero(np.array([arc._elbow is elbow for arc in found])[which])
         q[rows] = srs.evaluate(elbow, psi[rows])[np.arange(len(rows)), places[rows]]
-    q = _from_seam(srs, q)
+    q = from_seam(srs, q)
     within = q.copy()
     for k in np.flatnonzero(_is_at(srs, srs.lower, q).any(axis=1)):
         within[k] = found[which[k]]._on_seam(psi[k], q[k])
@@ -191,7 +191,7 @@ def _arcs_of_elbow(srs: SRS, elbow: ElbowBranch) -> Iterator[Arc]:
     """The arcs with one elbow angle."""
     cuts = _distinct(srs, elbow, _refined(srs, elbow, _cuts(srs, elbow)))
     widths = _widths(cuts)
-    q, middle = np.split(_from_seam(srs, srs.evaluate(elbow, np.concatenate([cuts, cuts + 0.5 * widths]))), 2)
+    q, middle = np.split(from_seam(srs, srs.evaluate(elbow, np.concatenate([cuts, cuts + 0.5 * widths]))), 2)
     after, before = (_towards(srs, elbow, cuts, q, step) for step in (widths, -np.roll(widths, 1)))
     singular = _is_singular(srs, elbow, cuts)
     for k, branch in enumerate(b for b in BRANCHES if b.elbow == elbow.sign):
@@ -222,7 +222,7 @@ class _Cells:
     @cached_property
     def inside(self) -> np.ndarray:
         """Which cells (k,) are within the limits."""
-        return _is_inside(self.srs, self.middle)
+        return is_inside(self.srs, self.middle)
 
     @cached_property
     def room(self) -> np.ndarray:
@@ -261,7 +261,7 @@ class _Cells:
             for end, cut, step in ((0, first, steps[0]), (-1, first + cells, -steps[-1])):
                 if self.singular[cut % count]:
                     knots[end], angles[end] = self._regular_from(knots[end], step)
-            outside = ~_is_inside(self.srs, angles)
+            outside = ~is_inside(self.srs, angles)
             lower = self._inside_from(knots[0], steps[0]) if outside[0] else float(knots[0])
             upper = self._inside_from(knots[-1], -steps[-1]) if outside[-1] else float(knots[-1])
         else:
@@ -276,13 +276,13 @@ class _Cells:
         srs = self.srs
         at_end = _is_at(srs, srs.lower, self.at_cut) | _is_at(srs, srs.upper, self.at_cut)
         alone = ~(self.inside | np.roll(self.inside, 1)) | at_end.any(axis=1)
-        for i in np.flatnonzero(_is_inside(srs, self.at_cut) & alone):
+        for i in np.flatnonzero(is_inside(srs, self.at_cut) & alone):
             boxes = [(np.zeros(7, int), _room(srs, self.at_cut[i]).astype(int))]
             for angles, cell in ((self.before[i], i - 1), (self.after[i], i)):
                 further = np.round((angles - self.at_cut[i]) / _TURN)
                 if self.inside[cell] and np.abs(angles - self.at_cut[i] - _TURN * further).max() <= _NEAR:
                     known = further.astype(int), (further + self.room[cell]).astype(int)
-                    boxes = [part for box in boxes for part in _without(box, known)]
+                    boxes = [part for box in boxes for part in without(box, known)]
             psi = float(self.cuts[i]) if self.cuts[i] > -np.pi else np.pi
             for first, last in boxes:
                 turns, room = tuple(first.tolist()), tuple((last - first).tolist())
@@ -294,7 +294,7 @@ class _Cells:
         regular = ~_is_singular(self.srs, self.elbow, psi, 10 * _NEAR)
         first = int(regular.argmax()) if regular.any() else len(psi) - 1
         q = self.srs.evaluate(self.elbow, psi[first : first + 1])[0, BRANCHES.index(self.branch) % 4]
-        return float(psi[first]), _from_seam(self.srs, q)
+        return float(psi[first]), from_seam(self.srs, q)
 
     def _inside_from(self, end: float, step: float) -> float:
         """The end of an arc [rad] that rounding put outside, moved inwards; `step` [rad] is its cell, from there on."""
@@ -304,8 +304,8 @@ class _Cells:
             half = 0.5 * (outside + within)
             if half in (outside, within):
                 break
-            q = _from_seam(self.srs, self.srs.evaluate(self.elbow, np.array([half]))[:, place])
-            outside, within = (outside, half) if _is_inside(self.srs, q)[0] else (half, within)
+            q = from_seam(self.srs, self.srs.evaluate(self.elbow, np.array([half]))[:, place])
+            outside, within = (outside, half) if is_inside(self.srs, q)[0] else (half, within)
         return float(within)
 
 
@@ -333,7 +333,7 @@ def _refined(srs: SRS, elbow: ElbowBranch, cuts: np.ndarray) -> np.ndarray:
     Newton's method on the joint that is next to its limit, by central differences; few cuts need it.
     """
     robot, nudge = srs.robot, 1e-7
-    q = _from_seam(srs, srs.evaluate(elbow, cuts))
+    q = from_seam(srs, srs.evaluate(elbow, cuts))
     beyond = np.where(np.isfinite(robot.upper), q - robot.upper, -np.inf)
     beyond = np.where(beyond > np.pi, np.where(np.isfinite(robot.lower), q - robot.lower - _TURN, 0.0), beyond)
     rounding = np.where(np.isnan(beyond) | (np.abs(beyond) > 1e-7), 0.0, beyond)
@@ -375,7 +375,7 @@ def _widths(cuts: np.ndarray) -> np.ndarray:
 def _distinct(srs: SRS, elbow: ElbowBranch, cuts: np.ndarray) -> np.ndarray:
     """The cuts (k,), with one in the middle for those between which some joint does not leave its seam."""
     widths = _widths(cuts)
-    q = _from_seam(srs, srs.evaluate(elbow, np.concatenate([cuts, cuts + 0.5 * widths])))
+    q = from_seam(srs, srs.evaluate(elbow, np.concatenate([cuts, cuts + 0.5 * widths])))
     start, middle = np.split(_is_at(srs, srs.lower, q, WITHIN), 2)
     stays = (start & middle & np.roll(start, -1, axis=0)).any(axis=(1, 2)) & (widths < _NARROW)
     pinched = stays | (widths < _ROUNDING)
@@ -395,7 +395,7 @@ Box = tuple[np.ndarray, np.ndarray]
 """The first and the last turns (7,) of the joints."""
 
 
-def _without(box: Box, other: Box) -> Iterator[Box]:
+def without(box: Box, other: Box) -> Iterator[Box]:
     """The turns of a box that are not in another, as boxes."""
     (first, last), (low, high) = box, other
     if (np.maximum(first, low) > np.minimum(last, high)).any():
@@ -418,7 +418,7 @@ def _room(srs: SRS, q: np.ndarray) -> np.ndarray:
     return np.floor(np.fmax(beyond, 0.0) / _TURN)
 
 
-def _from_seam(srs: SRS, q: np.ndarray) -> np.ndarray:
+def from_seam(srs: SRS, q: np.ndarray) -> np.ndarray:
     """The same angles (..., 7) within the turn that begins at the seam; in (-pi, pi] of a continuous joint."""
     lower = srs.lower
     finite = np.isfinite(lower)
@@ -427,7 +427,7 @@ def _from_seam(srs: SRS, q: np.ndarray) -> np.ndarray:
     return np.where(finite, turned, wrapped(q))
 
 
-def _is_inside(srs: SRS, q: np.ndarray) -> np.ndarray:
+def is_inside(srs: SRS, q: np.ndarray) -> np.ndarray:
     """Whether each of q (..., 7), within the turn from the seam on, or NaN for none, is within the limits."""
     return np.asarray((q <= srs.upper + WITHIN).all(axis=-1))
 
@@ -449,7 +449,7 @@ def _towards(srs: SRS, elbow: ElbowBranch, cuts: np.ndarray, q: np.ndarray, step
     at_seam = _is_at(srs, srs.lower, q)
     rows = np.flatnonzero(at_seam.any(axis=(1, 2)))
     psi = cuts[rows, None] + steps[rows, None] * 0.5 ** np.arange(48, 0, -2.0)
-    path = _from_seam(srs, srs.evaluate(elbow, psi.ravel())).reshape(*psi.shape, 4, 7)
+    path = from_seam(srs, srs.evaluate(elbow, psi.ravel())).reshape(*psi.shape, 4, 7)
     past = path - np.where(np.isfinite(srs.lower), srs.lower, 0.0)
     departed = (past > _NEAR) & (past < _TURN - _NEAR)
     first = np.take_along_axis(past, departed.argmax(axis=1)[:, None], axis=1)[:, 0]

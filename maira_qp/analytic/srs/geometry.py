@@ -216,7 +216,7 @@ class SRS:
     def reach(self) -> tuple[float, float]:
         """Smallest and largest distance [m] of shoulder and wrist that the elbow's geometry allows, limits aside."""
         ends = self.phase + np.pi, self.phase
-        smallest, largest = (float(np.linalg.norm(self._from_shoulder(q4))) for q4 in ends)
+        smallest, largest = (float(np.linalg.norm(self.from_shoulder(q4))) for q4 in ends)
         return smallest, largest
 
     @property
@@ -228,7 +228,7 @@ class SRS:
         turns = np.arange(-8, 9) * np.pi  # to where the arm is stretched or folded
         inner = self.phase + turns
         angles = np.concatenate([[low, high], inner[(inner > low) & (inner < high)]])
-        distances = [float(np.linalg.norm(self._from_shoulder(q4))) for q4 in angles]
+        distances = [float(np.linalg.norm(self.from_shoulder(q4))) for q4 in angles]
         return min(distances), max(distances)
 
     @property
@@ -237,7 +237,7 @@ class SRS:
         u, g = self.elbow - self.shoulder, self.wrist - self.elbow  # u is at right angles to the axis
         return float(np.arctan2(u @ np.cross(self.axes[3], g), u @ g))
 
-    def _from_shoulder(self, q4: float) -> np.ndarray:
+    def from_shoulder(self, q4: float) -> np.ndarray:
         """v(q_4): the wrist (3,) [m] from the shoulder, while the shoulder is at zero."""
         return self.elbow - self.shoulder + rotations(self.axes[3], np.array(q4)) @ (self.wrist - self.elbow)
 
@@ -275,7 +275,7 @@ class SRS:
         """The branch with this elbow angle for a pose T (4, 4), whose wrist is at `line` (3,) [m] from the shoulder."""
         D = T[:3, :3] @ self.tip[:3, :3].T
         R_4 = rotations(self.axes[3], np.array(q4))
-        v = self._from_shoulder(q4)
+        v = self.from_shoulder(q4)
         body = _frame(v, -sign * np.cross(self.axes[3], v))
         base = _frame(line, self.reference)
         turning = [

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from compiled_problems import few, row_of
-from srs_arms import ARMS, Arm, anywhere, hard_configurations, memory, poses_of, srs_arm
+from support.compiled_problems import few, row_of
+from support.srs_arms import ARMS, Arm, anywhere, hard_configurations, memory, poses_of, srs_arm
 
 import maira_qp as mq
 from maira_qp.analytic.srs.geometry import wrapped

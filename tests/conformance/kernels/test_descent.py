@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from compiled_problems import (
+from numba import njit
+from support.compiled_problems import (
     arm,
     compiled,
     configurations,
@@ -16,8 +17,7 @@ from compiled_problems import (
     row_of,
     three_tasks,
 )
-from numba import njit
-from test_chain import random_chain
+from support.made_robots import random_chain
 
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES, load, select, store

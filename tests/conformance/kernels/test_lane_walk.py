@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from compiled_problems import arm, few, reachable_rows
-from test_qp import solve_eight
-from test_refinement import STATIONARY, Problem, reached_starts
+from support.box_qps import solve_eight
+from support.compiled_problems import arm, few, reachable_rows
+from support.redundancy_problems import STATIONARY, Problem, reached_starts
 
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES

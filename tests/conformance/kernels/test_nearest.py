@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from compiled_problems import few, first_in_plain_python
-from conftest import load
+from support.compiled_problems import few, first_in_plain_python
+from support.robots import load
 
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from compiled_problems import few
 from scipy.optimize import nnls
+from support.compiled_problems import few
 
 from maira_qp.kernels.linalg.convexify import make_positive
 from maira_qp.kernels.linalg.ldl import factor_ldl, solve_ldl

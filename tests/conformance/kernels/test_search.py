@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from compiled_problems import (
+from support.compiled_problems import (
     arm,
     compiled,
     configurations,
@@ -16,7 +16,7 @@ from compiled_problems import (
     row_of,
     search_for,
 )
-from test_starts import features_of, nearest_of, poses_of, start_of
+from support.seeds import features_of, nearest_of, poses_of, start_of
 
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 import pytest
-from compiled_problems import arm, few, first_in_plain_python
-from derivatives import assert_close, difference_gradient, difference_jacobian
 from numba import njit
+from support.compiled_problems import arm, few, first_in_plain_python
+from support.derivatives import assert_close, difference_gradient, difference_jacobian
 
 import maira_qp as mq
 from maira_qp.kernels.control.level_models import add_curvature, level_costs, level_model

@@ -4,8 +4,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from compiled_problems import arm, configurations, few, row_of
-from conftest import TREES
+from support.compiled_problems import arm, configurations, few, row_of
+from support.robots import TREES
 
 import maira_qp as mq
 from maira_qp.kernels.control.displacement_bounds import bounds_of_position, bounds_of_tick, rest_of, share_to_stop

@@ -12,9 +12,9 @@ from contextlib import contextmanager
 import numpy as np
 import pyarrow
 import pytest
-from conftest import heed_interrupts, misuse
 from pyarrow import parquet
 from scipy.spatial.transform import Rotation
+from support.command_line import heed_interrupts, misuse
 
 import maira_qp as mq
 from maira_qp.apps.cli import main

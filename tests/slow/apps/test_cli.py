@@ -9,8 +9,9 @@ import time
 
 import numpy as np
 import pytest
-from conftest import heed_interrupts, misuse, urdf_file
 from PIL import Image
+from support.command_line import heed_interrupts, misuse
+from support.robots import urdf_file
 
 import maira_qp as mq
 from maira_qp.apps.cli import main

@@ -9,7 +9,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from conftest import misuse
+from support.command_line import misuse
 
 import maira_qp as mq
 from maira_qp.apps.arguments.pose_choice import read_matrix

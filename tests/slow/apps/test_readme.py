@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from maira_qp.apps.cli import _parse
+from maira_qp.apps.cli import parse
 
 README = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", README, flags=re.MULTILINE | re.DOTALL)
@@ -30,7 +30,7 @@ def test_its_python_runs_from_top_to_bottom(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("line", COMMANDS)
 def test_its_commands_have_the_flags_that_they_use(line):
-    assert _parse(shlex.split(line)[1:]) is not None
+    assert parse(shlex.split(line)[1:]) is not None
 
 
 def test_there_are_commands():

@@ -8,7 +8,7 @@ import sys
 import urllib.request
 
 import pytest
-from conftest import heed_interrupts, misuse
+from support.command_line import heed_interrupts, misuse
 
 from maira_qp.apps.cli import main
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from compiled_problems import arm, compiled, configurations, reachable_rows, search_for
 from numba import config
+from support.compiled_problems import arm, compiled, configurations, reachable_rows, search_for
 
 import maira_qp as mq
 from maira_qp.kernels.jit.inlining import INLINE
@@ -85,7 +85,7 @@ def test_without_our_own_passes_the_compiler_gives_the_same_answers(tmp_path):
 AHEAD = """
 import numpy as np
 import maira_qp as mq
-from conftest import load
+from support.robots import load
 from maira_qp.kernels.jit.code_cache import CodeCache
 from maira_qp.solvers.ahead import JOBS
 

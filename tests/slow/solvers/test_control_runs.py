@@ -5,7 +5,7 @@ In every tick: no exception, no NaN, every limit kept. At rest in the end, where
 
 import numpy as np
 import pytest
-from conftest import load
+from support.robots import load
 
 import maira_qp as mq
 

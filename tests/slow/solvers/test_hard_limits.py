@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from conftest import load
+from support.robots import load
 
 import maira_qp as mq
 from maira_qp.errors import OptionError

@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from conftest import TREES, load
+from support.robots import TREES, load
 
 import maira_qp as mq
 from maira_qp.errors import FrameError, OptionError, PoseError

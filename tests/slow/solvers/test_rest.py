@@ -4,8 +4,8 @@ import pickle
 
 import numpy as np
 import pytest
-from conftest import load
-from test_long_slides import mobile
+from support.made_robots import mobile
+from support.robots import load
 
 import maira_qp as mq
 

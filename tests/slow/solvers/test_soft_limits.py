@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from conftest import load
 from scipy.optimize import minimize
+from support.robots import load
 
 import maira_qp as mq
 

@@ -8,7 +8,7 @@ from dataclasses import fields
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import load
+from support.robots import load
 
 import maira_qp as mq
 from maira_qp.errors import BackendError, ConfigurationError, FrameError, OptionError, PoseError

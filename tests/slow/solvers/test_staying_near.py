@@ -4,7 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
-from conftest import load
+from support.robots import load
 
 import maira_qp as mq
 

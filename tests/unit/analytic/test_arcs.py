@@ -6,20 +6,14 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 import pytest
-from test_srs import iiwa14_without_offset, random_arm, swivel_of, worst_error
+from support.srs_arms import LIMITS, iiwa14_without_offset, random_arm, swivel_of, worst_error
 
 import maira_qp as mq
-from maira_qp.analytic.srs.arcs import MOST, Arc, _without, arcs, arcs_near
+from maira_qp.analytic.srs.arcs import MOST, Arc, arcs, arcs_near, without
 from maira_qp.analytic.srs.geometry import BRANCHES, SRS, rotations, wrapped
 from maira_qp.orientation import pose_error
 
 PI = np.pi
-LIMITS = {
-    "narrow": [(-1.0, 1.5)] * 7,
-    "more than a turn": [(-4.0, 4.0), (-2.0, 3.0), (-3.3, 3.2), (-7.0, 7.0), (-PI, PI), (-2.8, 2.0), (-2 * PI, 2 * PI)],
-    "continuous": [None, (-2.0, 2.5), None, (-2.5, 2.0), None, None, (-3.0, 1.0)],
-    "wrapped": [(2.0, 6.0), (-5.0, -1.0), (1.0, 6.5), (0.5, 5.5), (-9.0, -4.0), (3.0, 7.0), (1.0, 5.0)],
-}
 
 
 @pytest.fixture(scope="module")
@@ -336,7 +330,7 @@ def test_boxes_without_others_hold_each_of_the_rest_once(rng):
     for _ in range(200):
         box, other = ((low, low + rng.integers(0, 3, 3)) for low in rng.integers(-2, 3, (2, 3)))
         inside = lambda b, p: bool(((b[0] <= p) & (p <= b[1])).all())  # noqa: E731
-        parts = list(_without(box, other))
+        parts = list(without(box, other))
         for point in product(range(-3, 7), repeat=3):
             expected = inside(box, np.array(point)) and not inside(other, np.array(point))
             assert sum(inside(part, np.array(point)) for part in parts) == expected

@@ -3,11 +3,11 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import load, urdf_file
+from support.robots import load
+from support.srs_arms import iiwa14_without_offset, random_arm, random_direction, swivel_of, worst_error
 
 import maira_qp as mq
 from maira_qp.analytic.srs.geometry import PARALLEL_WITHIN, SRS, SphericalJoint, rotations, wrapped
-from maira_qp.orientation import pose_error
 from maira_qp.problem.tasks.swivel import SwivelTask
 
 NOT_SRS = {
@@ -21,62 +21,12 @@ NOT_SRS = {
 }
 
 
-def iiwa14_without_offset() -> mq.Robot:
-    """The iiwa 14 of its URDF, whose A2 stands 0.44 mm beside A1, without that offset."""
-    text = urdf_file("iiwa14_urdf").read_text()
-    assert text.count("-0.00043624 0 0.36") == 1
-    return mq.Robot.from_urdf(text.replace("-0.00043624 0 0.36", "0 0 0.36"), tip="tool0")
-
-
-def random_direction(rng: np.random.Generator) -> np.ndarray:
-    v = rng.normal(size=3)
-    return v / np.linalg.norm(v)
-
-
-def random_arm(rng: np.random.Generator, limits: list[tuple[float, float] | None] | None = None, **offsets) -> mq.Robot:
-    """An S-R-S arm whose axes, frames, base and tool point anywhere: no right angles, no plane.
-
-    limits: for each joint (lower, upper) [rad], or None: continuous. offsets: joint1=(3,) [m] moves that joint's axis.
-    """
-    axes = np.array([random_direction(rng) for _ in range(7)])
-    centres = [rng.normal(size=3) for _ in range(3)]
-    points = [centres[(0, 0, 0, 1, 2, 2, 2)[i]] + rng.normal() * axes[i] for i in range(7)]
-    for name, offset in offsets.items():
-        points[int(name[-1]) - 1] = points[int(name[-1]) - 1] + np.array(offset)
-    frames = [pin.SE3.Identity(), *(pin.SE3(pin.SE3.Random().rotation, p) for p in points), pin.SE3.Random()]
-    links = [f'<link name="l{i}"/>' for i in range(9)]
-    limits = [(-2.5, 2.9)] * 7 if limits is None else limits
-    for i in range(8):
-        placement = frames[i].actInv(frames[i + 1])
-        xyz, rpy = (
-            " ".join(map(repr, v.tolist())) for v in (placement.translation, pin.rpy.matrixToRpy(placement.rotation))
-        )
-        kind, inner = "fixed", ""
-        if i < 7:
-            limit = limits[i]
-            kind = "continuous" if limit is None else "revolute"
-            axis = " ".join(map(repr, (frames[i + 1].rotation.T @ axes[i]).tolist()))
-            inner = f'<axis xyz="{axis}"/>'
-            lower, upper = limit or (-1, 1)
-            inner += f'<limit lower="{lower!r}" upper="{upper!r}" velocity="1" effort="1"/>'
-        links.append(
-            f'<joint name="j{i + 1}" type="{kind}"><parent link="l{i}"/><child link="l{i + 1}"/>'
-            f'<origin xyz="{xyz}" rpy="{rpy}"/>{inner}</joint>'
-        )
-    return mq.Robot.from_urdf(f'<robot name="random">{"".join(links)}</robot>')
-
-
 @pytest.fixture(scope="module")
 def arms() -> list[mq.Robot]:
     """Arms that are S-R-S: those of the catalog, a real URDF, and three at random."""
     pin.seed(1)
     rng = np.random.default_rng(1)
     return [mq.Robot.maira(), mq.Robot.iiwa14(), iiwa14_without_offset(), *(random_arm(rng) for _ in range(3))]
-
-
-def worst_error(robot: mq.Robot, q: np.ndarray, T: np.ndarray) -> float:
-    """Largest entry of the pose errors [m, rad] of configurations (k, 7)."""
-    return max((float(np.abs(pose_error(robot.forward(each), T)).max()) for each in q), default=0.0)
 
 
 @pytest.mark.parametrize(("name", "part"), NOT_SRS.items())
@@ -154,20 +104,6 @@ def test_the_angles_of_a_configuration_are_found_again(arms, rng):
             q = rng.uniform(-np.pi, np.pi, 7)
             found = srs.configurations(robot.forward(q), swivel_of(srs, q))
             assert np.abs(wrapped(found - q)).max(axis=1).min() < 1e-9
-
-
-def swivel_of(srs: SRS, q: np.ndarray) -> float:
-    """The swivel angle [rad] of q (7,), from the elbow's axis as Pinocchio has it."""
-    robot, data = srs.robot, srs.robot.model.createData()
-    pin.forwardKinematics(robot.model, data, np.zeros(7))
-    own = data.oMi[4].rotation.T @ srs.axes[3]
-    pin.forwardKinematics(robot.model, data, q)
-    axis = data.oMi[4].rotation @ own
-    line = srs.wrist_centre(robot.forward(q).homogeneous) - srs.shoulder
-    line /= np.linalg.norm(line)
-    up = srs.reference - (line @ srs.reference) * line
-    across = -np.sign(np.sin(q[3] - srs.phase)) * np.cross(axis, line)
-    return float(np.arctan2(across @ np.cross(line, up), across @ up))
 
 
 def test_the_swivel_angle_is_that_of_the_task(maira, rng):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from srs_arms import ARMS, Arm, anywhere, codes_of, prepared, srs_arm
+from support.srs_arms import ARMS, Arm, anywhere, codes_of, prepared, srs_arm
 
 import maira_qp as mq
 from maira_qp.analytic.srs.geometry import BRANCHES

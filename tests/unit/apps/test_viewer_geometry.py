@@ -5,7 +5,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from conftest import load, urdf_file
+from support.robots import load, urdf_file
 
 import maira_qp as mq
 from maira_qp.apps.viewer.drawing.geometry import PLAIN, geometry_of, stick_figure

@@ -105,7 +105,7 @@ def test_an_aligned_wrist_may_be_folded_back():
     robot = Robot.from_dh(DHTable([*links, *wrist]))
     source = source_of(robot)
     best = max(
-        (abs(source._alignment(np.array([0, 0, 0, 0, value, 0]))), abs(value)) for value in np.linspace(-2, 2, 401)
+        (abs(source.alignment(np.array([0, 0, 0, 0, value, 0]))), abs(value)) for value in np.linspace(-2, 2, 401)
     )[1]
     for index in range(5):
         q = source.target("aligned-wrist", index, seed=0).witness

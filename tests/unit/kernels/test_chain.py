@@ -3,8 +3,9 @@
 import mpmath
 import numpy as np
 import pytest
-from compiled_problems import arm, configurations, few, kinematic_work, nine_robots, row_of
 from numba import njit
+from support.compiled_problems import arm, configurations, few, kinematic_work, nine_robots, row_of
+from support.made_robots import random_chain
 
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES, load, store
@@ -45,26 +46,6 @@ def assert_kinematics_of_pinocchio(robot: mq.Robot, rng, blocks: int) -> None:
 def test_kinematics_are_pinocchios_on_real_robots(name, rng):
     """Axes along x, y, z, against them and skew; prismatic and continuous joints."""
     assert_kinematics_of_pinocchio(arm(name), rng, few(25))
-
-
-def random_chain(joints: int, rng) -> mq.Robot:
-    body = "".join(
-        f'<link name="l{i + 1}"/><joint name="j{i}" type="{rng.choice(["revolute", "prismatic", "continuous"])}">'
-        f'<parent link="l{i}"/><child link="l{i + 1}"/>'
-        f'<origin xyz="{numbers(rng.normal(size=3))}" rpy="{numbers(rng.normal(size=3))}"/>'
-        f'<axis xyz="{numbers(axis_of(rng))}"/><limit lower="-2" upper="3" velocity="1" effort="1"/></joint>'
-        for i in range(joints)
-    )
-    return mq.Robot.from_urdf(f'<robot name="random"><link name="l0"/>{body}</robot>')
-
-
-def numbers(values) -> str:
-    return " ".join(repr(float(v)) for v in values)
-
-
-def axis_of(rng) -> np.ndarray:
-    """A skew axis, or one along x, y or z, either way."""
-    return rng.normal(size=3) if rng.random() < 0.5 else rng.choice([-1, 1]) * np.eye(3)[rng.integers(3)]
 
 
 @pytest.mark.parametrize("joints", [1, 2, 7, 30])

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from compiled_problems import few, row_of
-from srs_arms import (
+from support.compiled_problems import few, row_of
+from support.srs_arms import (
     ARMS,
     Arm,
     anywhere,
@@ -18,7 +18,7 @@ from srs_arms import (
 )
 
 import maira_qp as mq
-from maira_qp.analytic.srs.arcs import _from_seam, _is_inside, arcs
+from maira_qp.analytic.srs.arcs import arcs, from_seam, is_inside
 from maira_qp.analytic.srs.geometry import ElbowBranch, wrapped
 from maira_qp.kernels.srs.spherical_joint import FIRST, LAST, MIDDLE, angle, discriminant
 from maira_qp.kernels.srs.swivel import SHOULDER, approach, bend, branch_at, swing, values_at
@@ -88,7 +88,7 @@ def test_what_is_blocked_without_a_margin_is_what_is_outside(rng, name):
             psi = rng.uniform(-np.pi, np.pi, 50)
             q = arm.srs.evaluate(elbow, psi)
             q[..., 3] = arm.robot.lower[3] if np.isfinite(arm.robot.lower[3]) else 0.0
-            inside = _is_inside(arm.srs, _from_seam(arm.srs, q))
+            inside = is_inside(arm.srs, from_seam(arm.srs, q))
             for k in range(4):
                 lists = [
                     work.arcs[part, branch, : work.lengths[part, branch]] for part, branch in ((0, k // 2), (1, k % 2))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from srs_arms import random_rotation
+from support.srs_arms import random_rotation
 
 from maira_qp.analytic.srs.geometry import REACHED_WITHIN, SphericalJoint, rotations, wrapped
 

@@ -3,8 +3,8 @@
 import mpmath
 import numpy as np
 import pytest
-from compiled_problems import few, row_of
 from numba import njit
+from support.compiled_problems import few, row_of
 
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES, load, store

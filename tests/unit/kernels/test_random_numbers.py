@@ -1,19 +1,10 @@
 """The random numbers of a target: splitmix64, begun by the target and the seed alone."""
 
 import numpy as np
-from compiled_problems import arm, reachable_rows
+from support.compiled_problems import arm, reachable_rows
+from support.seeds import WORD, splitmix
 
 from maira_qp.kernels.search.random_numbers import next_random, state_of, stream_of, streams_of
-
-WORD = 2**64
-
-
-def splitmix(state: int) -> tuple[int, int]:
-    """The slow twin of `next_random`, in whole numbers of Python."""
-    state = (state + 0x9E3779B97F4A7C15) % WORD
-    z = (state ^ (state >> 30)) * 0xBF58476D1CE4E5B9 % WORD
-    z = (z ^ (z >> 27)) * 0x94D049BB133111EB % WORD
-    return z ^ (z >> 31), state
 
 
 def stream(row: np.ndarray, *seed: int) -> int:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from compiled_problems import row_of
+from support.compiled_problems import row_of
 
 import maira_qp as mq
 from maira_qp.kernels.spatial.pose_validation import FINE, NOT_FINITE, NOT_RIGID, pose_row, pose_rows

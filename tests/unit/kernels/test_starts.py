@@ -2,40 +2,19 @@
 
 import numpy as np
 import pytest
-from compiled_problems import (
-    arm,
-    compiled,
-    descents,
-    few,
-    nine_robots,
-    reachable_rows,
-    row_of,
-    three_tasks,
-)
-from test_random_numbers import splitmix
+from support.compiled_problems import arm, compiled, descents, few, nine_robots, reachable_rows, row_of, three_tasks
+from support.seeds import features_of, nearest_of, poses_of, splitmix, start_of
 
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES
 from maira_qp.kernels.kinematics.serial_chain import START_LOWER, START_UPPER
 from maira_qp.kernels.search.random_numbers import state_of, stream_of
-from maira_qp.kernels.search.seeds import FEATURES, SQUARE, fill_library, find_nearest, random_start
+from maira_qp.kernels.search.seeds import FEATURES, SQUARE, find_nearest, random_start
 from maira_qp.problem.qp.costs import TaskCost
 from maira_qp.problem.targets import pose_of
 from maira_qp.robots.model.revolutions import WholeTurns
 from maira_qp.solvers.compiled.engine import Compiled
 from maira_qp.solvers.compiled.seed_library import MIDDLE_SHARE
-
-
-def poses_of(problem: Compiled, q: np.ndarray) -> np.ndarray:
-    """The tool's poses (K, 12) at configurations (K, n)."""
-    return np.array([row_of(problem.robot.forward(each)) for each in q])
-
-
-def features_of(problem: Compiled, poses: np.ndarray) -> np.ndarray:
-    """`fill_library` for poses (K, 12)."""
-    features = np.full((len(poses) // LANES, FEATURES, LANES), np.nan)
-    fill_library(problem.settings, poses, features)
-    return features
 
 
 def squared_distances(problem: Compiled, poses: np.ndarray, row: np.ndarray) -> np.ndarray:
@@ -44,12 +23,6 @@ def squared_distances(problem: Compiled, poses: np.ndarray, row: np.ndarray) -> 
     return np.square(position * (poses - row)[:, 9:]).sum(1) + 0.5 * np.square(orientation * (poses - row)[:, :9]).sum(
         1
     )
-
-
-def nearest_of(problem: Compiled, features: np.ndarray, row: np.ndarray) -> np.ndarray:
-    nearest = np.full(LANES, -7)
-    find_nearest(problem.settings, features, row, np.full((2, LANES), np.nan), nearest)
-    return nearest
 
 
 @three_tasks
@@ -133,14 +106,6 @@ def draws(problem: Compiled, state: int, count: int, at_corner: bool) -> np.ndar
             share = (bits >> 11) / 2**53
             share = float(share >= 0.5) if at_corner else share
             q[k, i] = (1 - share) * lower[i] + share * upper[i]
-    return q
-
-
-def start_of(problem: Compiled, row: np.ndarray, candidates: int, at_corner: bool, state: int) -> np.ndarray:
-    q = np.full(problem.robot.n, np.nan)
-    random_start(
-        problem.chain, problem.settings, row, candidates, at_corner, np.uint64(state), descents(problem.robot.n), q
-    )
     return q
 
 

@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from compiled_problems import few
-from srs_arms import ARMS, anywhere, codes_of, hard_configurations, moved, poses_of, prepared, srs_arm
+from support.compiled_problems import few
+from support.srs_arms import ARMS, anywhere, codes_of, hard_configurations, moved, poses_of, prepared, srs_arm
 
 import maira_qp as mq
 from maira_qp.analytic.srs.arcs import arcs
@@ -65,7 +65,7 @@ def test_the_reasons(rng):
     distance = np.array([np.linalg.norm(arm.srs.wrist_centre(T) - arm.srs.shoulder) for T in poses])
     np.testing.assert_array_equal(codes == TOO_FAR, distance > largest + 2e-6)
     assert (distance[codes == TOO_NEAR] < smallest).all()
-    bent = np.array([np.linalg.norm(arm.srs._from_shoulder(q4)) for q4 in (arm.robot.upper[3], 0.0)])
+    bent = np.array([np.linalg.norm(arm.srs.from_shoulder(q4)) for q4 in (arm.robot.upper[3], 0.0)])
     inside = (distance > smallest + 2e-6) & (distance < largest)
     np.testing.assert_array_equal(codes == ELBOW_OUTSIDE, inside & (distance < bent[0] - 1e-5))
     assert set(codes) == {POSSIBLE, TOO_FAR, TOO_NEAR, ELBOW_OUTSIDE, SWIVEL_BLOCKED}
@@ -119,7 +119,7 @@ def test_an_elbow_that_the_tolerance_brings_within_its_limits_is_not_ruled_out(r
         q[3] = outer
         target, srs = iiwa14.forward(q), arm.srs
         line = srs.wrist_centre(target.homogeneous) - srs.shoulder
-        longer = np.linalg.norm(srs._from_shoulder(inner)) - np.linalg.norm(line)
+        longer = np.linalg.norm(srs.from_shoulder(inner)) - np.linalg.norm(line)
         moved_target = target.copy()
         moved_target.translation += longer * line / np.linalg.norm(line)
         near = [each for psi in np.linspace(-3, 3, 40) for each in srs.configurations(moved_target, psi)]

@@ -13,7 +13,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import load, urdf_file
+from support.robots import load, urdf_file
 
 import maira_qp as mq
 from maira_qp.errors import MairaError, OptionError, RobotError

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from conftest import load
-from derivatives import assert_close, difference_gradient, difference_jacobian
+from support.derivatives import assert_close, difference_gradient, difference_jacobian
+from support.robots import load
 
 import maira_qp as mq
 from maira_qp.errors import FrameError, OptionError

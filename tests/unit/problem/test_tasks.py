@@ -1,11 +1,10 @@
 """Tasks: error, Jacobian, weights, and the exactness of the cost's derivatives, for all of them on many robots."""
 
-import dataclasses
-
 import numpy as np
 import pytest
-from conftest import load
-from derivatives import assert_close, difference_gradient, difference_jacobian
+from support.derivatives import assert_close, difference_gradient, difference_jacobian
+from support.own_tasks import height_task
+from support.robots import load
 
 import maira_qp as mq
 from maira_qp.errors import OptionError, PoseError
@@ -24,22 +23,6 @@ POSES = [
     mq.PositionTask(position_weight=[0, 0, 1]),
 ]
 """What a target pose is asked for, by the same name in both axes."""
-
-
-def height_task():
-    """A task of a user's own."""
-
-    @dataclasses.dataclass(frozen=True, kw_only=True)
-    class HeightTask(mq.Task):
-        height: float
-
-        def error(self, at):
-            return np.array([self.height - at.placement().translation[2]])
-
-        def jacobian(self, at):
-            return at.jacobian()[2:3]
-
-    return HeightTask(height=0.3)
 
 
 def others(robot, rng) -> list:

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from conftest import load
+from support.robots import load
 
 import maira_qp as mq
 from maira_qp.display import Card, shortened

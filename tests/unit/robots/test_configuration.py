@@ -5,7 +5,8 @@ import weakref
 
 import numpy as np
 import pytest
-from conftest import load, random_table
+from support.made_robots import random_table
+from support.robots import load
 
 import maira_qp as mq
 from maira_qp.errors import FrameError

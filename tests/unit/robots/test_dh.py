@@ -4,8 +4,8 @@ from math import cos, inf, pi, sin
 
 import numpy as np
 import pytest
-from conftest import random_table
 from scipy.spatial.transform import Rotation
+from support.made_robots import random_table
 
 from maira_qp.errors import ConfigurationError, RobotError
 from maira_qp.robots.dh.table import DHLink, DHTable

@@ -7,7 +7,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from conftest import REAL_ROBOTS, load, random_table
+from support.made_robots import random_table
+from support.robots import REAL_ROBOTS, load
 
 import maira_qp as mq
 from maira_qp.errors import OptionError, RobotError

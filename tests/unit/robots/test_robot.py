@@ -11,7 +11,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import REAL_ROBOTS, load, random_table, urdf_file
+from support.made_robots import random_table
+from support.robots import REAL_ROBOTS, load, urdf_file
 
 import maira_qp as mq
 from maira_qp.errors import ConfigurationError, FrameError, OptionError, RobotError

@@ -6,9 +6,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from conftest import REAL_ROBOTS, TREES, load, random_table, urdf_file
-from derivatives import assert_close, difference_jacobian
-from whole_model import WholeModel
+from support.derivatives import assert_close, difference_jacobian
+from support.made_robots import random_table
+from support.robots import REAL_ROBOTS, TREES, load, urdf_file
+from support.whole_model import WholeModel
 
 import maira_qp as mq
 from maira_qp.errors import BackendError, RobotError

@@ -10,8 +10,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from conftest import load, urdf_file
-from whole_model import WholeModel
+from support.robots import load, urdf_file
+from support.whole_model import WholeModel
 
 import maira_qp as mq
 from maira_qp.errors import FrameError, OptionError, RobotError

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yourdfpy
-from conftest import random_table
+from support.made_robots import random_table
 
 import maira_qp as mq
 from maira_qp.errors import RobotError

@@ -5,8 +5,8 @@ from itertools import product
 
 import numpy as np
 import pytest
-from compiled_problems import arm
-from conftest import random_table
+from support.compiled_problems import arm
+from support.made_robots import random_table
 
 import maira_qp as mq
 from maira_qp.kernels.kinematics.unwrap import unwind, unwind_free

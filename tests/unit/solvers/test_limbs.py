@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import load
+from support.robots import load
 
 import maira_qp as mq
 from maira_qp.problem.qp.costs import tasks_toward

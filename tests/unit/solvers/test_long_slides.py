@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.made_robots import BASES, mobile
 
 import maira_qp as mq
 from maira_qp.kernels.search.levenberg_marquardt import lanes_memory
@@ -10,48 +11,6 @@ from maira_qp.problem.problem import Problem
 from maira_qp.problem.targets import row_of
 from maira_qp.robots.model.revolutions import WholeTurns
 from maira_qp.solvers.compiled.engine import Compiled
-
-ARM = [
-    ("0 0 1", 0.3, 3),
-    ("0 1 0", 0.1, 2),
-    ("0 1 0", 0.4, 2.5),
-    ("0 0 1", 0.2, 3),
-    ("0 1 0", 0.2, 2),
-    ("0 0 1", 0.1, 3),
-]
-"""Axis, offset along z [m] and limit [rad] of each joint."""
-BASES = {
-    "rail": ["1 0 0"],
-    "floor": ["1 0 0", "0 1 0"],
-    "oblique": ["1 0 0", "0.8 0.6 0"],
-    "mast": ["0 0 1"],
-    "behind a joint": ["turn", "1 0 0"],
-    "within the arm": [],
-}
-
-
-def mobile(base: str, length: float) -> mq.Robot:
-    """An arm of six joints on slides of a length [m] in each direction."""
-    parts, parent = [], "base"
-
-    def add(kind: str, axis: str, z: float, end: float) -> None:
-        nonlocal parent
-        name = f"link{len(parts)}"
-        limit = "" if kind == "continuous" else f'lower="{-end}" upper="{end}"'
-        parts.append(
-            f'<link name="{name}"/><joint name="joint{len(parts)}" type="{kind}"><parent link="{parent}"/>'
-            f'<child link="{name}"/><origin xyz="0 0 {z}"/><axis xyz="{axis}"/>'
-            f'<limit {limit} velocity="1" effort="1"/></joint>'
-        )
-        parent = name
-
-    for axis in BASES[base]:
-        add(*(("continuous", "0 0 1") if axis == "turn" else ("prismatic", axis)), 0.0, length)
-    for i, (axis, z, end) in enumerate(ARM):
-        add("revolute", axis, z, end)
-        if i == 2 and base == "within the arm":
-            add("prismatic", "0 0 1", 0.1, length)
-    return mq.Robot.from_urdf(f'<robot name="{base}"><link name="base"/>{"".join(parts)}</robot>', tip=parent)
 
 
 def configurations(robot: mq.Robot, rng: np.random.Generator, count: int) -> np.ndarray:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import load
 from scipy.spatial.transform import Rotation
+from support.robots import load
 
 import maira_qp as mq
 from maira_qp.analytic.bounding_points import tool_points

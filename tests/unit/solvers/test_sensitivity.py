@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from compiled_problems import arm
-from derivatives import assert_close, difference_gradient, difference_jacobian
+from support.compiled_problems import arm
+from support.derivatives import assert_close, difference_gradient, difference_jacobian
 
 import maira_qp as mq
 from maira_qp.errors import SensitivityError

@@ -4,7 +4,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from conftest import load
 from numba import config
 
 import maira_qp as mq
@@ -13,6 +12,7 @@ from maira_qp.kernels.search.levenberg_marquardt import STATE, Lanes
 from maira_qp.kernels.search.multi_start import OUTCOME, memory_sizes, search
 from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.solvers.compiled.engine import Compiled
+from support.robots import load
 
 nine_robots = pytest.mark.parametrize(
     "name", ["maira", "panda", "xarm7", "ur5_limited", "pr2_arm", "tiago", "kinova", "irb140", "talos_arm"]

@@ -6,9 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from compiled_problems import row_of
-from test_arcs import LIMITS
-from test_srs import iiwa14_without_offset, random_arm
 
 import maira_qp as mq
 from maira_qp.analytic.srs.arrays import srs_array
@@ -16,7 +13,26 @@ from maira_qp.analytic.srs.geometry import SRS
 from maira_qp.kernels.srs.feasible_configuration import start
 from maira_qp.kernels.srs.swivel_intervals import ARCS, CRITICAL, FLOATS, INTEGERS, PIECES, Work
 from maira_qp.kernels.srs.unreachability import verdicts
+from maira_qp.orientation import pose_error
+from support.compiled_problems import row_of
+from support.robots import urdf_file
 
+PI = np.pi
+LIMITS = {
+    "narrow": [(-1.0, 1.5)] * 7,
+    "more than a turn": [
+        (-4.0, 4.0),
+        (-2.0, 3.0),
+        (-3.3, 3.2),
+        (-7.0, 7.0),
+        (-np.pi, np.pi),
+        (-2.8, 2.0),
+        (-2 * np.pi, 2 * np.pi),
+    ],
+    "continuous": [None, (-2.0, 2.5), None, (-2.5, 2.0), None, None, (-3.0, 1.0)],
+    "wrapped": [(2.0, 6.0), (-5.0, -1.0), (1.0, 6.5), (0.5, 5.5), (-9.0, -4.0), (3.0, 7.0), (1.0, 5.0)],
+}
+"""Of the joints of random arms: (lower, upper) [rad], or None: continuous."""
 ARMS = ["maira", "iiwa14", "urdf", "no tool", *LIMITS]
 """Arms of the catalog, of a URDF, with the tip in the wrist, and at random: axes that are not at right angles, and
 limits of all kinds."""
@@ -119,3 +135,67 @@ def hard_configurations(arm: Arm, rng: np.random.Generator, count: int) -> np.nd
             if rng.random() < 0.1:
                 each[joint] = angle + rng.choice([0.0, 1e-9, -1e-6, 1e-4])
     return np.clip(q, robot.lower, robot.upper)
+
+
+def iiwa14_without_offset() -> mq.Robot:
+    """The iiwa 14 of its URDF, whose A2 stands 0.44 mm beside A1, without that offset."""
+    text = urdf_file("iiwa14_urdf").read_text()
+    assert text.count("-0.00043624 0 0.36") == 1
+    return mq.Robot.from_urdf(text.replace("-0.00043624 0 0.36", "0 0 0.36"), tip="tool0")
+
+
+def random_direction(rng: np.random.Generator) -> np.ndarray:
+    v = rng.normal(size=3)
+    return v / np.linalg.norm(v)
+
+
+def random_arm(rng: np.random.Generator, limits: list[tuple[float, float] | None] | None = None, **offsets) -> mq.Robot:
+    """An S-R-S arm whose axes, frames, base and tool point anywhere: no right angles, no plane.
+
+    limits: for each joint (lower, upper) [rad], or None: continuous. offsets: joint1=(3,) [m] moves that joint's axis.
+    """
+    axes = np.array([random_direction(rng) for _ in range(7)])
+    centres = [rng.normal(size=3) for _ in range(3)]
+    points = [centres[(0, 0, 0, 1, 2, 2, 2)[i]] + rng.normal() * axes[i] for i in range(7)]
+    for name, offset in offsets.items():
+        points[int(name[-1]) - 1] = points[int(name[-1]) - 1] + np.array(offset)
+    frames = [pin.SE3.Identity(), *(pin.SE3(pin.SE3.Random().rotation, p) for p in points), pin.SE3.Random()]
+    links = [f'<link name="l{i}"/>' for i in range(9)]
+    limits = [(-2.5, 2.9)] * 7 if limits is None else limits
+    for i in range(8):
+        placement = frames[i].actInv(frames[i + 1])
+        xyz, rpy = (
+            " ".join(map(repr, v.tolist())) for v in (placement.translation, pin.rpy.matrixToRpy(placement.rotation))
+        )
+        kind, inner = "fixed", ""
+        if i < 7:
+            limit = limits[i]
+            kind = "continuous" if limit is None else "revolute"
+            axis = " ".join(map(repr, (frames[i + 1].rotation.T @ axes[i]).tolist()))
+            inner = f'<axis xyz="{axis}"/>'
+            lower, upper = limit or (-1, 1)
+            inner += f'<limit lower="{lower!r}" upper="{upper!r}" velocity="1" effort="1"/>'
+        links.append(
+            f'<joint name="j{i + 1}" type="{kind}"><parent link="l{i}"/><child link="l{i + 1}"/>'
+            f'<origin xyz="{xyz}" rpy="{rpy}"/>{inner}</joint>'
+        )
+    return mq.Robot.from_urdf(f'<robot name="random">{"".join(links)}</robot>')
+
+
+def worst_error(robot: mq.Robot, q: np.ndarray, T: np.ndarray) -> float:
+    """Largest entry of the pose errors [m, rad] of configurations (k, 7)."""
+    return max((float(np.abs(pose_error(robot.forward(each), T)).max()) for each in q), default=0.0)
+
+
+def swivel_of(srs: SRS, q: np.ndarray) -> float:
+    """The swivel angle [rad] of q (7,), from the elbow's axis as Pinocchio has it."""
+    robot, data = srs.robot, srs.robot.model.createData()
+    pin.forwardKinematics(robot.model, data, np.zeros(7))
+    own = data.oMi[4].rotation.T @ srs.axes[3]
+    pin.forwardKinematics(robot.model, data, q)
+    axis = data.oMi[4].rotation @ own
+    line = srs.wrist_centre(robot.forward(q).homogeneous) - srs.shoulder
+    line /= np.linalg.norm(line)
+    up = srs.reference - (line @ srs.reference) * line
+    across = -np.sign(np.sin(q[3] - srs.phase)) * np.cross(axis, line)
+    return float(np.arctan2(across @ np.cross(line, up), across @ up))

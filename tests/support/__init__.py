@@ -1,0 +1,1 @@
+"""What the tests share: robots, problems and slow twins of the kernels."""
