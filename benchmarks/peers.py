@@ -14,12 +14,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
 
-import numpy as np
 import tyro
-from peers import arms, clock, line_up, ours, picture, questions, report, results
+from peers import arms, clock, line_up, ours, picture, report, results
 from rich.console import Console
 from rich.progress import Progress
 
+from maira_qp.evaluation.targets import FAR_AWAY, NEARBY
 from maira_qp.io.atomic_write import replace_text
 
 HERE = Path(__file__).parent
@@ -62,11 +62,10 @@ def compete(arm: arms.Arm, settings: Settings, bar: Progress) -> results.Outcome
     """All races on one arm."""
     single, remarks = line_up.line_up(arm)
     everybody = [*single, *ours.batches(arm)]
-    rng = np.random.default_rng(settings.seed)
-    warm = questions.anywhere(arm, WARM_UP, rng)
+    warm = arm.ask("uniform", WARM_UP, settings.seed + 1)
     clock.warm_up(everybody, warm.targets, warm.starts)
 
-    def race(title: str, who: list, asked: questions.Questions, rounds: int, given_starts: bool) -> list[results.Row]:
+    def race(title: str, who: list, asked: arms.Questions, rounds: int, given_starts: bool) -> list[results.Row]:
         task = bar.add_task(f"{arm.name}, {title}", total=clock.turns(who, len(asked.targets), rounds))
 
         def advance() -> None:
@@ -76,18 +75,21 @@ def compete(arm: arms.Arm, settings: Settings, bar: Progress) -> results.Outcome
         bar.remove_task(task)
         return results.judged(who, runs, asked, arm.judge)
 
-    far, near = questions.anywhere(arm, settings.targets, rng), questions.nearby(arm, settings.targets, rng)
+    far, near, beyond = (
+        arm.ask(stratum, count, settings.seed)
+        for stratum, count in (("uniform", settings.targets), (NEARBY, settings.targets), (FAR_AWAY, GIVE_UP))
+    )
     return results.Outcome(
         arm.name,
         remarks,
         race("random targets", everybody, far, settings.rounds, given_starts=False),
         race("nearby targets", single, near, settings.rounds, given_starts=True),
-        race("out of reach", single, questions.out_of_reach(arm, GIVE_UP, rng), 1, given_starts=False),
+        race("out of reach", single, beyond, 1, given_starts=False),
         ticks([each for each in single if each.step is not None], near, settings.rounds, arm),
     )
 
 
-def ticks(who: list, asked: questions.Questions, rounds: int, arm: arms.Arm) -> list[results.Tick]:
+def ticks(who: list, asked: arms.Questions, rounds: int, arm: arms.Arm) -> list[results.Tick]:
     """Control ticks toward nearby targets."""
     targets, q = asked.targets[:TICKS], asked.starts[:TICKS]
     timed = clock.ticks(who, targets, q, TICK, rounds)

@@ -16,8 +16,7 @@ from typing import Literal
 
 import tyro
 from rich.console import Console
-from scenes import judge, problems, race, report
-from scenes.players import players
+from scenes import judging, line_up, problems, race, report
 
 from maira_qp.io.atomic_write import replace_text
 
@@ -41,13 +40,13 @@ def main(settings: Settings) -> None:
     outcomes, told = [], set()
     for name in settings.scenes:
         scene = problems.SCENES[name]()
-        taking_part, remarks = players(scene)
+        taking_part, remarks = line_up.line_up(scene)
         for remark in remarks:
             if remark not in told:
                 console.print(remark)
                 told.add(remark)
         runs = race.race(scene, taking_part, settings.rounds)
-        verdicts = [judge.judge(scene, run) for run in runs]
+        verdicts = [judging.verdict(scene, run.q) for run in runs]
         console.print(report.table(scene, taking_part, runs, verdicts))
         if scene.srdf is not None:
             console.print(report.distances(scene, taking_part, verdicts))

@@ -10,8 +10,9 @@ from rich.console import Console
 from rich.progress import Progress
 
 import maira_qp as mq
-from maira_qp.apps.commands.bench_report import flat, legend, picture, tables
+from maira_qp.apps import plots
 from maira_qp.evaluation.records import write_csv
+from maira_qp.evaluation.report import flat, legend, tables
 from maira_qp.evaluation.runner import plan, run
 from maira_qp.evaluation.settings import Settings
 from maira_qp.evaluation.statistics import summarise
@@ -40,4 +41,4 @@ for name, settings in STUDIES.items():
     console.print(legend(settings, mq.Options()))
     replace_text(HERE / f"success_rate_{name}.txt", console.export_text())
     write_csv(HERE / f"success_rate_{name}.csv", [flat(summary) for summary in summaries])
-    picture(summaries, HERE / f"success_rate_{name}.png")
+    plots.success_picture(summaries, HERE / f"success_rate_{name}.png")

@@ -4,16 +4,26 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.metadata import distribution
 from pathlib import Path
 
 import numpy as np
 
 import maira_qp as mq
-from peers.judge import Judge
+from maira_qp.evaluation.judge import Judge
+from maira_qp.evaluation.targets import TargetSource
 
 EXAMPLES = "example-robot-data"
 REPOSITORY = Path(__file__).parents[2]
+
+
+@dataclass(frozen=True)
+class Questions:
+    """Targets (N, 4, 4) and starts (N, n) for them, the same for all."""
+
+    targets: np.ndarray
+    starts: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -40,6 +50,23 @@ class Arm:
         """Upper limits (n,) [rad]."""
         return self.judge.upper
 
+    @cached_property
+    def targets(self) -> TargetSource:
+        """Where the targets on it are drawn."""
+        return TargetSource(self.robot, self.judge)
+
+    def ask(self, stratum: str, count: int, seed: int) -> Questions:
+        """So many targets of a stratum of `TargetSource`."""
+        drawn = [self.targets.target(stratum, index, seed) for index in range(count)]
+        return Questions(np.array([target.pose for target in drawn]), np.array([target.start for target in drawn]))
+
+    def screws(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The chain as a product of exponentials: axes (n, 3), a point (n, 3) [m] on each, tool pose (4, 4), at 0."""
+        before, home = self.judge.frames(np.zeros(self.robot.n))
+        moving = [k for k, joint in enumerate(self.judge.path) if joint.driver is not None]
+        axes = [before[k, :3, :3] @ self.judge.path[k].axis for k in moving]
+        return np.array(axes), before[moving, :3, 3], home
+
     def configurations(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """Configurations (count, n) [rad], uniform within the limits."""
         return rng.uniform(self.lower, self.upper, (count, self.robot.n))
@@ -49,7 +76,7 @@ def load(name: str, folder: Path) -> Arm:
     """One of `ARMS`; its lean URDF is written into a folder that exists."""
     source, tip, sampled = _sources()[name]
     robot = mq.Robot.from_urdf(source, tip=tip)
-    judge = Judge(source, tip, robot.joint_names)
+    judge = Judge(source, robot.base, tip, robot.joint_names)
     path = folder / f"{name}.urdf"
     lean = _lean(robot.urdf)
     path.write_text(lean)

@@ -15,7 +15,7 @@ from time import perf_counter
 
 import numpy as np
 
-from peers.contestants import BatchContestant, Contestant
+from maira_qp.evaluation.contestant import Contestant
 
 CHUNK = 50
 """Targets a turn."""
@@ -38,12 +38,13 @@ class Run:
         return np.asarray(~np.isnan(self.q).all(axis=1))
 
 
-def warm_up(contestants: Sequence[Contestant | BatchContestant], targets: np.ndarray, starts: np.ndarray) -> None:
+def warm_up(contestants: Sequence[Contestant], targets: np.ndarray, starts: np.ndarray) -> None:
     """Let every contestant solve targets (N, 4, 4) from starts (N, n), so that nothing is done for the first time."""
     for contestant in contestants:
-        if isinstance(contestant, BatchContestant):
+        if contestant.solve_all is not None:
             contestant.solve_all(targets)
             continue
+        assert contestant.solve is not None
         for target, start in zip(targets, starts, strict=True):
             for given in (None, start) if contestant.draws_starts else (start,):
                 contestant.solve(contestant.native(target), given)
@@ -52,7 +53,7 @@ def warm_up(contestants: Sequence[Contestant | BatchContestant], targets: np.nda
 
 
 def race(
-    contestants: Sequence[Contestant | BatchContestant],
+    contestants: Sequence[Contestant],
     targets: np.ndarray,
     starts: np.ndarray,
     *,
@@ -65,20 +66,20 @@ def race(
     Starts (N, n) are for those who cannot draw theirs, or, with `given_starts`, for all. `advance` is called after each
     turn, `turns` times in all.
     """
-    natives = [[] if isinstance(c, BatchContestant) else [c.native(T) for T in targets] for c in contestants]
+    natives = [[] if c.solve is None else [c.native(T) for T in targets] for c in contestants]
     best: dict[int, Run] = {}
     for number in range(rounds):
-        runs = [_empty(starts.shape, isinstance(c, Contestant)) for c in contestants]
+        runs = [_empty(starts.shape, c.solve is not None) for c in contestants]
         for begin in range(0, len(targets), CHUNK):
             part = range(begin, min(begin + CHUNK, len(targets)))
             for k in _order(len(contestants), number + begin // CHUNK):
                 contestant = contestants[k]
-                if isinstance(contestant, Contestant):
+                if contestant.solve is not None:
                     free = contestant.draws_starts and not given_starts
                     _turn(contestant, natives[k], None if free else starts, part, runs[k])
                     advance()
         for contestant, run in zip(contestants, runs, strict=True):
-            if isinstance(contestant, BatchContestant):
+            if contestant.solve_all is not None:
                 _batch(contestant, targets, run)
                 advance()
         for k, run in enumerate(runs):
@@ -87,9 +88,9 @@ def race(
     return [best[k] for k in range(len(contestants))]
 
 
-def turns(contestants: Sequence[Contestant | BatchContestant], count: int, rounds: int) -> int:
+def turns(contestants: Sequence[Contestant], count: int, rounds: int) -> int:
     """How many turns a race over so many targets takes."""
-    batches = sum(isinstance(c, BatchContestant) for c in contestants)
+    batches = sum(c.solve is None for c in contestants)
     return rounds * (batches + (len(contestants) - batches) * -(-count // CHUNK))
 
 
@@ -127,17 +128,20 @@ def _empty(shape: tuple[int, ...], individual: bool) -> Run:
 def _turn(contestant: Contestant, natives: list, starts: np.ndarray | None, part: range, run: Run) -> None:
     """One chunk; what it needs is looked up before the clock starts."""
     solve, seconds, answers = contestant.solve, run.seconds, run.q
+    assert solve is not None
     with _no_garbage_collection():
         for i in part:
             target, start = natives[i], None if starts is None else starts[i]
             began = perf_counter()
-            q = solve(target, start)
+            result = solve(target, start)
             seconds[i] = perf_counter() - began
-            if q is not None:
-                answers[i] = q
+            answer = contestant.answer(result)
+            if answer.claimed:
+                answers[i] = answer.q
 
 
-def _batch(contestant: BatchContestant, targets: np.ndarray, run: Run) -> None:
+def _batch(contestant: Contestant, targets: np.ndarray, run: Run) -> None:
+    assert contestant.solve_all is not None
     with _no_garbage_collection():
         began = perf_counter()
         run.q[:] = contestant.solve_all(targets)

@@ -11,8 +11,8 @@ from types import ModuleType
 
 import numpy as np
 
+from maira_qp.evaluation.contestant import Contestant
 from peers.arms import Arm
-from peers.contestants import Contestant
 
 SAMPLES = 64
 """Values of the redundant joint; a power of 2, for they are tried in bit-reversed order, the coarse ones first."""
@@ -22,7 +22,7 @@ def eaik(arm: Arm) -> Contestant:
     """Subproblem decomposition in C++, an arm of six joints for each sample of the seventh."""
     from eaik.pybindings.EAIK import Robot
 
-    axes, points, home = arm.judge.screws()
+    axes, points, home = arm.screws()
     offsets = np.vstack([points[:1], np.diff(points, axis=0), home[:3, 3] - points[-1]])
     values, locks = np.zeros(1), [[]]
     if arm.sampled is not None:
@@ -54,7 +54,7 @@ def eaik(arm: Arm) -> Contestant:
     settings = "limits checked"
     if arm.sampled is not None:
         settings = f"{SAMPLES} samples of joint {arm.sampled + 1}, {settings}"
-    return Contestant("EAIK", settings, forward=forward, solve=solve, draws_starts=True)
+    return Contestant(name="EAIK", settings=settings, forward=forward, solve=solve, draws_starts=True)
 
 
 def _bit_reversed() -> Sequence[int]:
@@ -70,7 +70,9 @@ def ssik(arm: Arm) -> Contestant:
         answers = module.solve(target, max_solutions=1, q_seed=start)
         return answers[0].q if answers else None
 
-    return Contestant("ssik", "first solution, ssik build", forward=module.fk, solve=solve, draws_starts=True)
+    return Contestant(
+        name="ssik", settings="first solution, ssik build", forward=module.fk, solve=solve, draws_starts=True
+    )
 
 
 def _build(arm: Arm) -> ModuleType:

@@ -7,8 +7,8 @@ from itertools import cycle, pairwise
 import numpy as np
 import pinocchio as pin
 
+from maira_qp.evaluation.contestant import Contestant
 from peers.arms import Arm
-from peers.contestants import Contestant
 
 
 def robotics_toolbox(arm: Arm) -> Contestant:
@@ -28,8 +28,8 @@ def robotics_toolbox(arm: Arm) -> Contestant:
         return answer.q if answer.success else None
 
     return Contestant(
-        "Robotics Toolbox",
-        "ik_LM chan, k 0.1, tol 5e-13, 100 searches",
+        name="Robotics Toolbox",
+        settings="ik_LM chan, k 0.1, tol 5e-13, 100 searches",
         forward=lambda q: np.asarray(ets.eval(q)),
         solve=solve,
         draws_starts=True,
@@ -39,7 +39,7 @@ def robotics_toolbox(arm: Arm) -> Contestant:
 
 def _frames(arm: Arm) -> list[np.ndarray]:
     """Poses (4, 4) at q = 0: the base, a frame on each joint with z along its axis, the tool."""
-    axes, points, home = arm.judge.screws()
+    axes, points, home = arm.screws()
     frames = [np.eye(4)]
     for z, point in zip(axes, points, strict=True):
         x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
@@ -62,8 +62,8 @@ def optik(arm: Arm) -> Contestant:
         return None if answer is None else np.array(answer[0])
 
     return Contestant(
-        "OptIK",
-        "speed, tol_f 1e-14, at most 0.1 s",
+        name="OptIK",
+        settings="speed, tol_f 1e-14, at most 0.1 s",
         forward=lambda q: np.array(robot.fk(q)),
         solve=solve,
         limits=robot.joint_limits(),
@@ -81,8 +81,8 @@ def trac_ik(arm: Arm) -> Contestant:
         return answer[1:] if answer[0] >= 0 else None
 
     return Contestant(
-        "TRAC-IK",
-        "speed, epsilon 5e-7, at most 5 ms, two threads",
+        name="TRAC-IK",
+        settings="speed, epsilon 5e-7, at most 5 ms, two threads",
         forward=lambda q: pytracik.fk(solver, q),
         solve=solve,
         native=lambda target: (*target[:3, 3], *pin.Quaternion(target[:3, :3]).coeffs()),
@@ -94,7 +94,7 @@ def cartan(arm: Arm) -> Contestant:
     """Projected Levenberg-Marquardt with restarts on a Halton sequence, in C++."""
     import cartan as library
 
-    axes, points, home = arm.judge.screws()
+    axes, points, home = arm.screws()
     chain = library.KinematicChain(
         library.SE3.from_matrix(home),
         [library.ScrewAxis.revolute(axis, point) for axis, point in zip(axes, points, strict=True)],
@@ -107,8 +107,8 @@ def cartan(arm: Arm) -> Contestant:
         return answer.q if answer.converged else None
 
     return Contestant(
-        "cartan",
-        "solve_ik_speed, 50 iterations a start, 5000 in all",
+        name="cartan",
+        settings="solve_ik_speed, 50 iterations a start, 5000 in all",
         forward=lambda q: library.forward_kinematics(chain, q).matrix(),
         solve=solve,
         native=library.SE3.from_matrix,
@@ -138,4 +138,6 @@ def dynibo(arm: Arm) -> Contestant:
         at = robot.forward_kinematics(q, tip)
         return pin.SE3(pin.Quaternion(np.array(at.rotation_xyzw)), np.array(at.translation)).homogeneous
 
-    return Contestant("dynibo", "30 iterations a start, 100 starts", forward=forward, solve=solve, native=pose)
+    return Contestant(
+        name="dynibo", settings="30 iterations a start, 100 starts", forward=forward, solve=solve, native=pose
+    )

@@ -7,8 +7,8 @@ from importlib.util import find_spec
 
 import numpy as np
 
+from maira_qp.evaluation.contestant import Contestant
 from peers.arms import Arm
-from peers.contestants import Contestant
 from peers.ours import one_at_a_time
 
 SAME_POSE, SAME_LIMIT = 1e-9, 1e-6
@@ -55,6 +55,7 @@ def line_up(arm: Arm) -> tuple[list[Contestant], list[str]]:
 
 def disagreement(contestant: Contestant, arm: Arm, count: int = 20) -> str:
     """In what a contestant's arm differs from the judge's, at so many random configurations; empty if in nothing."""
+    assert contestant.forward is not None
     q = arm.configurations(count, np.random.default_rng(0))
     off = max(float(np.abs(contestant.forward(row) - arm.judge.forward(row)).max()) for row in q)
     if not off <= SAME_POSE:

@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 
 import maira_qp as mq
+from maira_qp.evaluation.contestant import Contestant
 from peers.arms import Arm
-from peers.contestants import BatchContestant, Contestant
 
 SOLVE = "maira_qp solve"
 """The name of the row that all others are compared with."""
@@ -24,12 +24,14 @@ def one_at_a_time(arm: Arm) -> list[Contestant]:
     ]
 
 
-def batches(arm: Arm) -> list[BatchContestant]:
+def batches(arm: Arm) -> list[Contestant]:
     """`Solver.solve_batch` on one thread and on two."""
     solver = mq.Solver(arm.robot)
     return [
-        BatchContestant("maira_qp batch", "one thread", partial(_solve_all, solver, 1), slack=0.0),
-        BatchContestant("maira_qp batch x2", "two threads", partial(_solve_all, solver, 2), slack=0.0),
+        Contestant(name="maira_qp batch", settings="one thread", solve_all=partial(_solve_all, solver, 1), slack=0.0),
+        Contestant(
+            name="maira_qp batch x2", settings="two threads", solve_all=partial(_solve_all, solver, 2), slack=0.0
+        ),
     ]
 
 
@@ -39,8 +41,8 @@ def _contestant(name: str, settings: str, solver: mq.Solver) -> Contestant:
         return solution.q if solution.success else None
 
     return Contestant(
-        name,
-        settings,
+        name=name,
+        settings=settings,
         forward=lambda q: solver.robot.forward(q).homogeneous,
         solve=solve,
         draws_starts=True,

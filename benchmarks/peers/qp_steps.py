@@ -12,8 +12,8 @@ from itertools import cycle
 import numpy as np
 import pinocchio as pin
 
+from maira_qp.evaluation.contestant import Contestant
 from peers.arms import Arm
-from peers.contestants import Contestant
 
 ITERATIONS, RESTARTS, CLOSE = 25, 20, 1e-6
 """Steps a start; further starts; the norm of the pose error, m and rad together, that ends the loop."""
@@ -48,8 +48,8 @@ def pink(arm: Arm) -> Contestant:
         return solve_ik(at, [task], dt, solver="daqp")
 
     return Contestant(
-        "Pink",
-        SETTINGS,
+        name="Pink",
+        settings=SETTINGS,
         forward=forward,
         solve=_loop(arm, aim, at.update, lambda: (task.compute_error(at), at.q), advance, NoSolutionFound),
         native=pin.SE3,
@@ -86,8 +86,8 @@ def mink(arm: Arm) -> Contestant:
         return solve_ik(at, [task], dt, solver="daqp", limits=tick_limits)
 
     return Contestant(
-        "Mink",
-        SETTINGS,
+        name="Mink",
+        settings=SETTINGS,
         forward=forward,
         solve=_loop(arm, aim, at.update, lambda: (task.compute_error(at), at.q), advance, NoSolutionFound),
         native=SE3.from_matrix,

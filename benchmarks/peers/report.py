@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 
 import numpy as np
 from rich.table import Table
 
-from maira_qp.apps.commands.bench_report import percent
-from peers.judge import ORIENTATION_TOLERANCE, POSITION_TOLERANCE
+from maira_qp.evaluation.report import machine, percent, table_of, versions
+from maira_qp.evaluation.targets import BEYOND, STEP
 from peers.line_up import PEERS
 from peers.ours import SOLVE
-from peers.questions import BEYOND, NEARBY
-from peers.results import JUMP, Outcome, Row, Tick
+from peers.results import JUMP, TOLERANCES, Outcome, Row, Tick
 
 WIDTH = 130
 """Columns of text that the tables need."""
@@ -30,25 +26,25 @@ def tables(outcome: Outcome) -> list[Table]:
 def conditions(targets: int, rounds: int) -> str:
     """What the tables mean, and on what they were measured."""
     packages = [package.partition("[")[0] for _, package, _, _ in PEERS.values()]
-    versions = [f"{package} {_version(package)}" for package in ("maira-qp", *packages) if _version(package)]
+    found = [f"{package} {own}" for package, own in versions("maira-qp", *packages).items() if own]
     return "\n".join(
         [
-            f"solved: within {POSITION_TOLERANCE:g} m and {ORIENTATION_TOLERANCE:g} rad, and inside the limits, says"
-            " the judge (Pinocchio);",
+            f"solved: within {TOLERANCES[0]:g} m and {TOLERANCES[1]:g} rad, and inside the limits, says"
+            " the judge (a walk over the URDF);",
             "  a peer's answer may be 1e-9 rad out of limits, ours not at all. false: claimed as solved, and is not.",
-            f"near: {NEARBY:g} rad away, as a norm. out of reach: at {BEYOND:g} times the reach.",
+            f"near: {STEP:g} rad away, as a norm. out of reach: at {BEYOND:g} times the reach.",
             f"times: {targets} targets, the best of {rounds} rounds, one thread (but TRAC-IK two), called from Python;",
             "  peers get targets in their own types, converted before the clock starts, maira_qp gets arrays.",
             f"x ours: mean time over that of {SOLVE}. jumped: a joint moved by more than {JUMP:g} rad (maira_qp strict",
             "  means to, along the self-motion toward its posture).",
-            f"{_processor()}, Python {platform.python_version()}",
-            *(", ".join(versions[k : k + 5]) for k in range(0, len(versions), 5)),
+            machine(),
+            *(", ".join(found[k : k + 5]) for k in range(0, len(found), 5)),
         ]
     )
 
 
 def _anywhere(outcome: Outcome) -> Table:
-    table = _table(
+    table = table_of(
         f"{outcome.arm}: {_count(outcome.anywhere)} random targets, random starts",
         ("solver", "settings"),
         ("solved", "false", "mean [us]", "median [us]", "p99 [us]", "x ours"),
@@ -62,7 +58,7 @@ def _anywhere(outcome: Outcome) -> Table:
 
 
 def _nearby(outcome: Outcome) -> Table:
-    table = _table(
+    table = table_of(
         f"{outcome.arm}: {_count(outcome.nearby)} targets near a given start",
         ("solver",),
         ("solved", "false", "jumped", "mean [us]", "median [us]", "x ours"),
@@ -75,7 +71,7 @@ def _nearby(outcome: Outcome) -> Table:
 
 
 def _ticks(outcome: Outcome) -> Table:
-    table = _table(f"{outcome.arm}: one control tick", ("solver",), ("mean [us]", "out of limits", "x ours"))
+    table = table_of(f"{outcome.arm}: one control tick", ("solver",), ("mean [us]", "out of limits", "x ours"))
     ours = next((tick.mean for tick in outcome.ticks if tick.name == SOLVE), np.nan)
     rows: Sequence[Tick] = sorted(outcome.ticks, key=lambda tick: tick.mean)
     for tick in rows:
@@ -85,22 +81,13 @@ def _ticks(outcome: Outcome) -> Table:
 
 
 def _out_of_reach(outcome: Outcome) -> Table:
-    table = _table(
+    table = table_of(
         f"{outcome.arm}: {_count(outcome.out_of_reach)} targets out of reach",
         ("solver",),
         ("false", "mean [ms]", "median [ms]"),
     )
     for row in sorted(outcome.out_of_reach, key=lambda row: float(np.median(row.seconds))):
         _add(table, row.name, percent(row.false.mean()), *_times(row, 1e3))
-    return table
-
-
-def _table(title: str, words: Sequence[str], figures: Sequence[str]) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold")
-    for heading in words:
-        table.add_column(heading)
-    for heading in figures:
-        table.add_column(heading, justify="right", no_wrap=True)
     return table
 
 
@@ -124,18 +111,3 @@ def _ours(rows: Sequence[Row]) -> float:
 
 def _count(rows: Sequence[Row]) -> int:
     return len(rows[0].seconds) if rows else 0
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return ""
-
-
-def _processor() -> str:
-    """The processor's name, where the system tells it."""
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text().splitlines() if info.exists() else []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()

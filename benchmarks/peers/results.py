@@ -7,11 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from maira_qp.evaluation.contestant import Contestant
+from maira_qp.evaluation.judge import Judge
+from peers.arms import Questions
 from peers.clock import Run
-from peers.contestants import BatchContestant, Contestant
-from peers.judge import Judge
-from peers.questions import Questions
 
+TOLERANCES = 1e-6, 1e-6
+"""What counts as reached [m], [rad]."""
 JUMP = 0.5
 """A joint that moves by more than this [rad] toward a nearby target has jumped to another solution."""
 TICK_SLACK = 1e-9
@@ -65,15 +67,13 @@ class Outcome:
     ticks: list[Tick]
 
 
-def judged(
-    contestants: Sequence[Contestant | BatchContestant], runs: Sequence[Run], asked: Questions, judge: Judge
-) -> list[Row]:
+def judged(contestants: Sequence[Contestant], runs: Sequence[Run], asked: Questions, judge: Judge) -> list[Row]:
     """Each contestant's run as the judge sees it."""
     return [_row(contestant, run, asked, judge) for contestant, run in zip(contestants, runs, strict=True)]
 
 
-def _row(contestant: Contestant | BatchContestant, run: Run, asked: Questions, judge: Judge) -> Row:
-    solved = judge.verdicts(run.q, asked.targets).solved(contestant.slack) & run.claimed
+def _row(contestant: Contestant, run: Run, asked: Questions, judge: Judge) -> Row:
+    solved = judge.verdict(run.q, asked.targets).within(*TOLERANCES, contestant.slack) & run.claimed
     return Row(
         contestant.name,
         contestant.settings,
@@ -87,6 +87,6 @@ def _row(contestant: Contestant | BatchContestant, run: Run, asked: Questions, j
 
 def ticked(contestant: Contestant, mean: float, v: np.ndarray, q: np.ndarray, dt: float, judge: Judge) -> Tick:
     """A contestant's ticks of dt [s], velocities v (N, n) [rad/s] from q (N, n) [rad], as the judge sees them."""
-    too_fast = (np.abs(v) > judge.speed + TICK_SLACK).any(axis=1)
-    out = judge.limit_violations(q + v * dt) > TICK_SLACK
+    too_fast = judge.speed_excess(v) > TICK_SLACK
+    out = judge.limit_violation(q + v * dt) > TICK_SLACK
     return Tick(contestant.name, mean, float((too_fast | out).mean()))

@@ -59,6 +59,15 @@ class Scene:
         """Distance that the links are to keep [m]."""
         return MARGIN
 
+    def poses(self, tip: str) -> np.ndarray:
+        """The targets (ticks, 4, 4) of a tip."""
+        return np.array([target[tip].homogeneous for target in self.targets])
+
+    def summary(self, errors: np.ndarray) -> tuple[float, float, float]:
+        """Of errors (ticks,): mean and largest while the target can be reached, and the largest at the ends."""
+        counted = errors[self.counted]
+        return float(counted.mean()), float(counted.max()), float(errors[self.ends].max())
+
     @cached_property
     def urdf(self) -> str:
         """The description that all load; with shapes only where they are needed."""

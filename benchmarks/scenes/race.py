@@ -13,7 +13,7 @@ from time import perf_counter
 
 import numpy as np
 
-from scenes.players import Player
+from maira_qp.evaluation.contestant import Contestant
 from scenes.problems import Scene
 
 WARM_UP = 20
@@ -31,25 +31,31 @@ class Run:
     failed: int
     """Ticks in which it raised an error; the arm stood still in them."""
 
+    @property
+    def travel(self) -> float:
+        """How far all joints went together [rad]: a joint that runs to and fro goes far."""
+        return float(np.abs(np.diff(self.q, axis=0)).sum())
 
-def race(scene: Scene, players: Sequence[Player], rounds: int) -> list[Run]:
-    """What each player did, and in what time."""
-    natives = [[player.native(scene, target) for target in scene.targets] for player in players]
-    for player, targets in zip(players, natives, strict=True):
-        _run(scene, player, targets[:WARM_UP])
+
+def race(scene: Scene, contestants: Sequence[Contestant], rounds: int) -> list[Run]:
+    """What each contestant did, and in what time."""
+    natives = [[each.native(target) for target in scene.targets] for each in contestants]
+    for each, targets in zip(contestants, natives, strict=True):
+        _run(scene, each, targets[:WARM_UP])
     runs: dict[int, Run] = {}
     for shift in range(rounds):
-        for k in range(len(players)):
-            index = (k + shift) % len(players)
-            run = _run(scene, players[index], natives[index])
+        for k in range(len(contestants)):
+            index = (k + shift) % len(contestants)
+            run = _run(scene, contestants[index], natives[index])
             if index in runs:
                 run = replace(run, seconds=np.minimum(run.seconds, runs[index].seconds))
             runs[index] = run
-    return [runs[k] for k in range(len(players))]
+    return [runs[k] for k in range(len(contestants))]
 
 
-def _run(scene: Scene, player: Player, targets: Sequence) -> Run:
-    tick = player.build(scene)
+def _run(scene: Scene, contestant: Contestant, targets: Sequence) -> Run:
+    assert contestant.control is not None
+    tick = contestant.control()
     seconds, q, failed = np.zeros(len(targets)), [scene.start], 0
     gc.collect()
     gc.disable()  # as timeit does: a collection would strike whoever is at work

@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import asdict, dataclass
 from hashlib import sha256
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +17,11 @@ import numpy as np
 
 import maira_qp
 from maira_qp.errors import OptionError
+from maira_qp.evaluation.contestant import Contestant
 from maira_qp.evaluation.judge import Judge
-from maira_qp.evaluation.methods import Method, methods
+from maira_qp.evaluation.methods import methods
 from maira_qp.evaluation.records import RowFile
+from maira_qp.evaluation.report import versions
 from maira_qp.evaluation.settings import Settings
 from maira_qp.evaluation.targets import Target, TargetSource
 from maira_qp.problem.options import Options
@@ -41,7 +42,7 @@ class Plan:
     options: Options
     judge: Judge
     source: TargetSource
-    methods: list[Method]
+    methods: list[Contestant]
     strata: list[str]
     notes: list[str]
     """What is left out, and why."""
@@ -67,7 +68,7 @@ def plan(robot: Robot, settings: Settings, options: Options) -> Plan:
 
 def judge_of(robot: Robot) -> Judge:
     """A judge for a robot, from its URDF text alone."""
-    return Judge(robot.urdf, robot.base, robot.tip, robot.joint_names)
+    return Judge(robot.urdf, robot.base, robot.tips, robot.joint_names)
 
 
 def run(plan: Plan, path: str | Path, progress: Callable[[int], None] | None = None) -> list[dict[str, Any]]:
@@ -96,23 +97,13 @@ def fingerprint(plan: Plan) -> dict[str, Any]:
         "robot_sha256": sha256(identity.encode()).hexdigest(),
         "versions": {
             "maira_qp": maira_qp.__version__,
-            **_versions("numpy", "pin", "qpsolvers", *map(_package, plan.settings.backends)),
+            **versions("numpy", "pin", "qpsolvers", *map(_package, plan.settings.backends)),
         },
     }
 
 
 def _package(backend: str) -> str:
     return {"proxqp": "proxsuite", "compiled": "numba"}.get(backend, backend)
-
-
-def _versions(*packages: str) -> dict[str, str | None]:
-    found: dict[str, str | None] = {}
-    for package in packages:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = None
-    return found
 
 
 def key_of(row: dict[str, Any]) -> Key:
@@ -125,22 +116,25 @@ def measure(plan: Plan, done: Collection[Key] = ()) -> Iterator[dict[str, Any]]:
     warmed: set[int] = set()
     for stratum in plan.strata:
         for index in range(plan.settings.targets):
-            pending = [m for m in plan.methods if (stratum, index, m.name, m.backend) not in done]
+            pending = [m for m in plan.methods if (stratum, index, m.name, m.settings) not in done]
             if not pending:
                 continue
             target = plan.source.target(stratum, index, plan.settings.seed)
             for method in pending:
                 if id(method) not in warmed:
-                    method.solve(target)  # the first call also imports and allocates; it is not timed
+                    row_of(plan, target, method)  # the first call also imports and allocates; it is not timed
                     warmed.add(id(method))
                 yield row_of(plan, target, method)
 
 
-def row_of(plan: Plan, target: Target, method: Method) -> dict[str, Any]:
+def row_of(plan: Plan, target: Target, method: Contestant) -> dict[str, Any]:
     """One method's answer to one target, timed and judged."""
+    assert method.solve is not None
+    asked, start = method.native(target), target.start
     begin = time.perf_counter()
-    answer = method.solve(target)
+    result = method.solve(asked, start)
     seconds = time.perf_counter() - begin
+    answer = method.answer(result)
     settings, options, robot = plan.settings, plan.options, plan.robot
     strict = (options.position_tolerance, options.orientation_tolerance)
     verdict = plan.judge.verdict(answer.q, target.pose)
@@ -148,16 +142,16 @@ def row_of(plan: Plan, target: Target, method: Method) -> dict[str, Any]:
         "stratum": target.stratum,
         "index": target.index,
         "method": method.name,
-        "backend": method.backend,
+        "backend": method.settings,
         "reachable": target.reachable,
         "claimed": bool(answer.claimed),
-        "confirmed": verdict.within(strict[0] + SLACK, strict[1] + SLACK),
-        "strict": verdict.within(*strict),
-        "loose": verdict.within(settings.loose_position, settings.loose_orientation),
+        "confirmed": bool(verdict.within(strict[0] + SLACK, strict[1] + SLACK)),
+        "strict": bool(verdict.within(*strict)),
+        "loose": bool(verdict.within(settings.loose_position, settings.loose_orientation)),
         "status": answer.status,
-        "position_error": verdict.position_error,
-        "orientation_error": verdict.orientation_error,
-        "limit_violation": verdict.limit_violation,
+        "position_error": float(verdict.position_error),
+        "orientation_error": float(verdict.orientation_error),
+        "limit_violation": float(verdict.limit_violation),
         "iterations": int(answer.iterations),
         "restarts": int(answer.restarts),
         "condition_number": robot.condition_number(answer.q),

@@ -11,6 +11,9 @@ MethodName = Literal["dh-clamped", "newton", "gradient", "pose", "weighted", "st
 METHODS: tuple[MethodName, ...] = get_args(MethodName)
 Stratum = Literal["uniform", "near-limits-1e-2", "near-limits-1e-4", "stretched-elbow", "aligned-wrist", "out-of-reach"]
 STRATA: tuple[Stratum, ...] = get_args(Stratum)
+OUT_OF_REACH: Stratum = "out-of-reach"
+NO_BACKEND = "-"
+"""The backend of a method that solves no QP."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,6 +15,8 @@ reachable target has a solution inside the limits that owes nothing to a solver.
 - out-of-reach: each joint in turn is set so that the tool is as far as it can be from the arm's centre, and the tool is
   then pushed outwards to 0.01 m beyond a bound that no configuration exceeds (reach.py). An arm without lateral offsets
   attains that bound; for others the target is a little further away.
+- nearby: the start, moved by 0.1 rad (or m) as a norm, in any direction, and back into the limits.
+- far-away: the orientation of a uniform configuration, in any direction at 1.1 times the reach.
 """
 
 from __future__ import annotations
@@ -30,13 +32,20 @@ import numpy as np
 from maira_qp.errors import OptionError, listed
 from maira_qp.evaluation.judge import Judge
 from maira_qp.evaluation.reach import reach
-from maira_qp.evaluation.settings import STRATA
+from maira_qp.evaluation.settings import OUT_OF_REACH, STRATA
 from maira_qp.robots.model.robot import Robot
 
 NEARNESS = 1e-3
 """How near to a singularity [rad]."""
 MARGIN = 0.01 + 1e-6
 """How far beyond the reach [m]: more than counts as loosely reached, so that the nearest point never does."""
+
+
+NEARBY, FAR_AWAY = "nearby", "far-away"
+KINDS = (*STRATA, NEARBY, FAR_AWAY)
+"""All strata: those of the command line, and those of the race against peers."""
+STEP, BEYOND = 0.1, 1.1
+"""How far a nearby target is from its start, as a norm of all joints, and a far one from the arm, in reaches."""
 
 
 @dataclass(frozen=True)
@@ -75,13 +84,13 @@ class TargetSource:
 
     def missing(self, stratum: str) -> str | None:
         """Why this robot has no such stratum; None if it has it. Raises `OptionError` for an unknown name."""
-        if stratum not in STRATA:
-            raise OptionError(f"unknown stratum {stratum!r}; {listed(STRATA, stratum)}")
+        if stratum not in KINDS:
+            raise OptionError(f"unknown stratum {stratum!r}; {listed(KINDS, stratum)}")
         if stratum == "stretched-elbow" and not self._elbows():
             return "no turning joint between shoulder and wrist"
         if stratum == "aligned-wrist" and not self._has_wrist():
             return "the arm does not end in three turning joints after three others"
-        if stratum == "out-of-reach" and not math.isfinite(self.reach[1]):
+        if stratum in (OUT_OF_REACH, FAR_AWAY) and not math.isfinite(self.reach[1]):
             return "the reach has no bound"
         return None
 
@@ -93,9 +102,10 @@ class TargetSource:
         stream = (seed, zlib.crc32(stratum.encode()), index)
         rng = np.random.default_rng(stream)
         start, q = self._uniform(rng), self._uniform(rng)
-        if stratum == "out-of-reach":
-            return Target(stratum, index, self._pushed_out(q), start, None, (*stream, 1))
-        q = self._draws()[stratum](q, rng)
+        if stratum in (OUT_OF_REACH, FAR_AWAY):
+            pose = self._pushed_out(q) if stratum == OUT_OF_REACH else self._far_away(q, rng)
+            return Target(stratum, index, pose, start, None, (*stream, 1))
+        q = self._draws()[stratum](start if stratum == NEARBY else q, rng)
         return Target(stratum, index, self.judge.forward(q), start, q, (*stream, 1))
 
     @cached_property
@@ -111,6 +121,7 @@ class TargetSource:
             "near-limits-1e-4": lambda q, rng: self._near_limits(q, rng, 1e-4),
             "stretched-elbow": self._stretched,
             "aligned-wrist": self._aligned,
+            NEARBY: self._nearby,
         }
 
     def _uniform(self, rng: np.random.Generator) -> np.ndarray:
@@ -121,6 +132,16 @@ class TargetSource:
         near = np.where(rng.random(q.size) < 0.5, self._low + away, self._high - away)
         limited = np.isfinite(self.robot.lower) & np.isfinite(self.robot.upper)
         return self.robot.clip(np.where(limited, near, q))
+
+    def _nearby(self, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        direction = rng.standard_normal(q.size)
+        return self.robot.clip(q + STEP * direction / np.linalg.norm(direction))
+
+    def _far_away(self, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """A pose (4, 4) beyond the reach, in any direction, with the orientation at q (n,)."""
+        pose, (centre, reach), outwards = self.judge.forward(q), self.reach, rng.standard_normal(3)
+        pose[:3, 3] = centre + outwards * (BEYOND * reach / np.linalg.norm(outwards))
+        return pose
 
     def _elbows(self) -> list[int]:
         """Joints that may be the elbow: turning ones after the shoulder and before the wrist."""

@@ -35,8 +35,8 @@ class Bench:
     def run(self) -> int:
         """Runs, or goes on with, the benchmark and reports; 0."""
         from maira_qp.apps.arguments.output import NO_PICTURE, console, picture_is_possible, print_json, progress_bar
-        from maira_qp.apps.commands.bench_report import flat, legend, picture, tables
         from maira_qp.evaluation.records import write_csv
+        from maira_qp.evaluation.report import flat, legend, tables
         from maira_qp.evaluation.runner import plan, run
         from maira_qp.evaluation.statistics import summarise
 
@@ -48,7 +48,9 @@ class Bench:
         write_csv(self.output / "rows.csv", rows)
         write_csv(self.output / "summary.csv", [flat(summary) for summary in summaries])
         if has_picture:
-            picture(summaries, self.output / PICTURE)
+            from maira_qp.apps import plots
+
+            plots.success_picture(summaries, self.output / PICTURE)
         if self.json:
             print_json(
                 {

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
 
 from maira_qp.apps.arguments.flags import RobotFlags, SolverFlags
 from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.problem.options import Options
+
+if TYPE_CHECKING:
+    from maira_qp.evaluation.comparison import Comparison
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,8 +38,8 @@ class Compare:
     def run(self) -> int:
         """Prints the table and saves the picture, if matplotlib is there; 0."""
         from maira_qp.apps.arguments.output import NO_PICTURE, console, picture_is_possible, print_json, progress_bar
-        from maira_qp.apps.commands.bench_report import flat
-        from maira_qp.apps.compare import compare, picture, table
+        from maira_qp.evaluation.comparison import compare, table
+        from maira_qp.evaluation.report import flat
 
         has_picture = picture_is_possible(self.picture)
         robot = self.choice.load()
@@ -62,3 +66,32 @@ class Compare:
         if has_picture:
             picture(comparison, self.picture)
         return 0
+
+
+def picture(comparison: Comparison, path: str | Path) -> None:
+    """The comparison as a picture: success rates with their intervals, and pose error against posture cost."""
+    from maira_qp.apps import plots
+
+    made = plots.figure(1, 2, size=(13.0, 4.2))
+    rates, trade = made.axes
+    summaries, settings, options = comparison.summaries, comparison.plan.settings, comparison.plan.options
+    plots.success_bars(
+        rates,
+        {
+            f"within {options.position_tolerance:g} m,\n{options.orientation_tolerance:g} rad": {
+                s.method: (s.strict, s.count) for s in summaries
+            },
+            f"within {settings.loose_position:g} m,\n{settings.loose_orientation:g} rad": {
+                s.method: (s.loose, s.count) for s in summaries
+            },
+        },
+    )
+    rates.set_title(f"{comparison.plan.robot.name}: {settings.targets} random reachable poses")
+    points = {}
+    for summary in summaries:
+        rows = [row for row in comparison.rows if row["method"] == summary.method]
+        points[summary.method] = [row["position_error"] for row in rows], [row["posture_cost"] for row in rows]
+    plots.error_against_cost(trade, points, tolerance=options.position_tolerance)
+    trade.set_title("what each answer gives up: pose or posture")
+    rates.legend().remove()  # the same colours and names as on the right
+    plots.save(made, path)

@@ -183,7 +183,7 @@ class Reach(Picture):
         """A batch of poses, a cell each."""
         from maira_qp.apps import plots
         from maira_qp.apps.arguments.output import progress_bar
-        from maira_qp.apps.reach_slice import reach_slice
+        from maira_qp.evaluation.reach_slice import reach_slice
         from maira_qp.problem.pose import pose
         from maira_qp.solvers.solver import Solver
 

@@ -11,7 +11,7 @@ from maira_qp.apps.plots.joint_paths import joint_paths
 from maira_qp.apps.plots.reach import reach_slice
 from maira_qp.apps.plots.self_motion import arc_bars, self_motion
 from maira_qp.apps.plots.style import COLORS, DASHES, LIMIT_COLOR, MARKERS, figure, finish, line, save, style
-from maira_qp.apps.plots.success import success_bars
+from maira_qp.apps.plots.success import success_bars, success_picture
 from maira_qp.apps.plots.trade_off import error_against_cost, trade_off
 
 __all__ = [
@@ -34,5 +34,6 @@ __all__ = [
     "self_motion",
     "style",
     "success_bars",
+    "success_picture",
     "trade_off",
 ]

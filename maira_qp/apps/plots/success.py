@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import PercentFormatter
 
-from maira_qp.apps.plots.style import COLORS, finish, styled
-from maira_qp.evaluation.statistics import wilson_interval
+from maira_qp.apps.plots.style import COLORS, figure, finish, save, styled
+from maira_qp.evaluation.settings import NO_BACKEND, OUT_OF_REACH
+from maira_qp.evaluation.statistics import Summary, wilson_interval
 
 HATCHES = ("", "//", "\\\\", "..", "xx", "--", "++", "oo", "||")
 """One more than there are colours: no two of many bars look the same."""
@@ -43,3 +45,17 @@ def success_bars(ax: Axes, counts: Mapping[str, Mapping[str, tuple[int, int]]]) 
     ax.set_xlabel("targets solved, with the 95 % interval [%]")
     finish(ax)
     ax.grid(False, axis="y")
+
+
+def success_picture(summaries: Sequence[Summary], path: str | Path) -> None:
+    """Strict success rates with their intervals: a block a stratum and a bar a method, or, where backends are compared,
+    a block a stratum and method and a bar a backend. What is out of reach is left out if there is anything else."""
+    shown = [s for s in summaries if s.stratum != OUT_OF_REACH] or summaries
+    several = len({s.backend for s in shown} - {NO_BACKEND}) > 1
+    counts: dict[str, dict[str, tuple[int, int]]] = {}
+    for s in shown:
+        block, bar = (f"{s.stratum}\n{s.method}", s.backend) if several else (s.stratum, s.method)
+        counts.setdefault(block, {})[bar] = (s.strict, s.count)
+    made = figure(size=(8.0, 1.2 + 0.22 * len(shown)))
+    success_bars(made.axes[0], counts)
+    save(made, path)

@@ -6,6 +6,7 @@ import math
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,10 +14,10 @@ import pytest
 from maira_qp.arrays import plain
 from maira_qp.errors import BackendError, OptionError
 from maira_qp.evaluation import runner
-from maira_qp.evaluation.methods import METHODS, NO_BACKEND
+from maira_qp.evaluation.contestant import Answer, Contestant
 from maira_qp.evaluation.records import RowFile, write_csv
 from maira_qp.evaluation.runner import fingerprint, measure, plan, run
-from maira_qp.evaluation.settings import Settings
+from maira_qp.evaluation.settings import METHODS, NO_BACKEND, Settings
 from maira_qp.problem.options import Options
 from maira_qp.robots.model.robot import Robot
 
@@ -207,12 +208,8 @@ def test_out_of_reach_is_never_solved(maira):
 
 def test_the_judge_overrules_a_liar(maira):
     """A method that claims success without solving is counted as a false claim and as a failure."""
-    from dataclasses import replace
-
-    from maira_qp.evaluation.methods import Answer, Method
-
     made = small_plan(maira, targets=2, strata=("uniform",))
-    liar = Method("liar", NO_BACKEND, lambda target: Answer(target.start, True, "CONVERGED", 1, 0))
+    liar = Contestant(name="liar", solve=lambda target, start: start, answer=lambda q: Answer(q, True, "CONVERGED", 1))
     for row in measure(replace(made, methods=[liar])):
         assert row["claimed"]
         assert [row[key] for key in ("strict", "loose", "confirmed")] == [False, False, False]

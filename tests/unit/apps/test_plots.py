@@ -10,8 +10,8 @@ import maira_qp as mq
 from maira_qp.analytic.srs.geometry import BRANCHES, SRS
 from maira_qp.apps import plots
 from maira_qp.apps.plots import reach
-from maira_qp.apps.reach_slice import reach_slice
 from maira_qp.errors import OptionError, RobotError
+from maira_qp.evaluation.reach_slice import reach_slice
 from maira_qp.evaluation.statistics import wilson_interval
 
 

@@ -7,8 +7,8 @@ import pytest
 from rich.console import Console
 from scipy.stats import binomtest
 
-from maira_qp.apps.commands.bench_report import flat, percent, tables
 from maira_qp.errors import OptionError
+from maira_qp.evaluation.report import flat, percent, tables
 from maira_qp.evaluation.settings import STRATA
 from maira_qp.evaluation.statistics import Z_95, summarise, wilson_interval
 

@@ -1,23 +1,23 @@
-"""A benchmark for a person: tables in the terminal, a picture, and its figures as rows for CSV and JSON."""
+"""Benchmarks for a person: tables in the terminal, figures as text and as rows for CSV and JSON."""
 
 from __future__ import annotations
 
 import math
+import platform
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
 from maira_qp.arrays import plain
-from maira_qp.evaluation.settings import Settings
+from maira_qp.evaluation.settings import NO_BACKEND, OUT_OF_REACH, Settings
 from maira_qp.evaluation.statistics import Summary
 from maira_qp.problem.options import Options
 
-OUT_OF_REACH, NO_BACKEND = "out-of-reach", "-"
-
-
+WORDS = ("method", "QP by")
 WIDE = 150
 """Columns of text that a table with every figure needs; below, it has the most important ones only."""
 
@@ -25,6 +25,16 @@ WIDE = 150
 def tables(summaries: Sequence[Summary], width: int = WIDE) -> list[Table]:
     """One table a stratum, the methods in rows, for a console so many characters wide."""
     return [_table(stratum, group, width >= WIDE) for stratum, group in by_stratum(summaries).items()]
+
+
+def table_of(title: str, words: Iterable[str], figures: Iterable[str], **looks: Any) -> Table:
+    """An empty table: columns of words to the left, of figures to the right. Further arguments are those of `Table`."""
+    table = Table(title=title, title_justify="left", title_style="bold", **looks)
+    for heading in words:
+        table.add_column(heading)
+    for heading in figures:
+        table.add_column(heading, justify="right")
+    return table
 
 
 def legend(settings: Settings, options: Options) -> str:
@@ -45,13 +55,12 @@ def by_stratum(summaries: Iterable[Summary]) -> dict[str, list[Summary]]:
 
 def _table(stratum: str, group: list[Summary], wide: bool) -> Table:
     remark = ", no solution exists" if stratum == OUT_OF_REACH else ""
-    table = Table(title=f"{stratum} ({group[0].count} targets{remark})", title_justify="left", title_style="bold")
     several = len({s.backend for s in group} - {NO_BACKEND}) > 1
     rows = [_wide(s) if wide else _narrow(s, several) for s in group]
     dropped = {"said"} if stratum != OUT_OF_REACH else {"solved", "95 % interval", "loosely"}
     shown = [heading for heading in rows[0] if heading not in dropped]
-    for heading in shown:
-        table.add_column(heading, justify="left" if heading in ("method", "QP by") else "right")
+    title = f"{stratum} ({group[0].count} targets{remark})"
+    table = table_of(title, [word for word in shown if word in WORDS], [word for word in shown if word not in WORDS])
     for row in rows:
         table.add_row(*(row[heading] for heading in shown))
     return table
@@ -89,22 +98,6 @@ def _narrow(s: Summary, several: bool) -> dict[str, str]:
     }
 
 
-def picture(summaries: Sequence[Summary], path: str | Path) -> None:
-    """Strict success rates with their intervals: a block a stratum and a bar a method, or, where backends are compared,
-    a block a stratum and method and a bar a backend. What is out of reach is left out if there is anything else."""
-    from maira_qp.apps import plots
-
-    shown = [s for s in summaries if s.stratum != OUT_OF_REACH] or summaries
-    several = len({s.backend for s in shown} - {NO_BACKEND}) > 1
-    counts: dict[str, dict[str, tuple[int, int]]] = {}
-    for s in shown:
-        block, bar = (f"{s.stratum}\n{s.method}", s.backend) if several else (s.stratum, s.method)
-        counts.setdefault(block, {})[bar] = (s.strict, s.count)
-    made = plots.figure(size=(8.0, 1.2 + 0.22 * len(shown)))
-    plots.success_bars(made.axes[0], counts)
-    plots.save(made, path)
-
-
 def _name(summary: Summary, with_backend: bool) -> str:
     return f"{summary.method}, {summary.backend}" if with_backend and summary.backend != NO_BACKEND else summary.method
 
@@ -124,6 +117,34 @@ def percent(rate: float) -> str:
 def short(value: float) -> str:
     """Two digits of an error."""
     return f"{value:.1e}" if math.isfinite(value) else "inf"
+
+
+def digits(value: float) -> str:
+    """Three digits; an exponent for what is very small."""
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g}"
+    if abs(value) < 1e-3:
+        return f"{value:.1e}"
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:#.3g}"
+
+
+def machine() -> str:
+    """The processor, by the name that the system gives it, and the version of Python."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return f"{names[0] if names else platform.processor() or platform.machine()}, Python {platform.python_version()}"
+
+
+def versions(*packages: str) -> dict[str, str | None]:
+    """The versions of the packages that are installed; None of one that is not."""
+    found: dict[str, str | None] = {}
+    for package in packages:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = None
+    return found
 
 
 def flat(summary: Summary) -> dict[str, Any]:

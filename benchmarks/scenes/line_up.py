@@ -6,14 +6,12 @@ import inspect
 import io
 import tokenize
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any
+from types import ModuleType
 
-import numpy as np
-
+from maira_qp.evaluation.contestant import Contestant
 from scenes import ours
 from scenes.problems import Scene
 
@@ -23,40 +21,33 @@ PEERS = {"Pink": ("pink", "pin-pink", "scenes.with_pink"), "Mink": ("mink", "min
 """For each peer: what it is imported as, what pip calls it, and the module with its scenes."""
 
 
-@dataclass(frozen=True)
-class Player:
-    """A library in one scene."""
-
-    name: str
-    build: Callable[[Scene], Callable[[Any], np.ndarray]]
-    """Makes everything, and returns what takes a target to the next configuration (n,), from the scene's start on."""
-    native: Callable[[Scene, Any], Any]
-    """A target in the library's own type. This is not timed."""
-    lines: int
-    """Lines of code of the scene's function."""
-    pairs: Callable[[Scene], int]
-    """How many pairs of shapes it looks at in the collision scene."""
-
-
-def players(scene: Scene) -> tuple[list[Player], list[str]]:
+def line_up(scene: Scene) -> tuple[list[Contestant], list[str]]:
     """Everybody in a scene, ours first, and a line of text about each peer that is missing."""
-    build = getattr(ours, scene.name)
+    build, weighted = getattr(ours, scene.name), getattr(ours, f"{scene.name}_weighted", None)
     made = [
-        Player(OURS, build, ours.native, lines_of_code(build), ours.pairs),
-        Player(f"{OURS} daqp", partial(build, backend="daqp"), ours.native, lines_of_code(build), ours.pairs),
+        contestant(OURS, scene, ours, build),
+        contestant(f"{OURS} daqp", scene, ours, build, backend="daqp"),
+        *([] if weighted is None else [contestant(f"{OURS} weighted", scene, ours, weighted)]),
     ]
-    weighted = getattr(ours, f"{scene.name}_weighted", None)
-    if weighted is not None:
-        made.append(Player(f"{OURS} weighted", weighted, ours.native, lines_of_code(weighted), ours.pairs))
     remarks = []
     for name, (imported, package, module) in PEERS.items():
         if find_spec(imported) is None:
             remarks.append(f"{name}: skipped, not installed (pip install '{package}')")
-            continue
-        theirs = import_module(module)
-        function = getattr(theirs, scene.name)
-        made.append(Player(name, function, theirs.native, lines_of_code(function), theirs.pairs))
+        else:
+            theirs = import_module(module)
+            made.append(contestant(name, scene, theirs, getattr(theirs, scene.name)))
     return made, remarks
+
+
+def contestant(name: str, scene: Scene, library: ModuleType, build: Callable, **settings: str) -> Contestant:
+    """A library in one scene, by its module of scenes and the function that a user would write."""
+    return Contestant(
+        name=name,
+        control=partial(build, scene, **settings),
+        native=partial(library.native, scene),
+        lines=lines_of_code(build),
+        pairs=partial(library.pairs, scene),
+    )
 
 
 def lines_of_code(function: Callable) -> int:

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
-from maira_qp.apps.commands.bench_report import legend, percent, short
 from maira_qp.evaluation.methods import qp_method
+from maira_qp.evaluation.report import legend, percent, short, table_of
 from maira_qp.evaluation.runner import Plan, measure, plan
 from maira_qp.evaluation.settings import Settings
 from maira_qp.evaluation.statistics import Summary, summarise
@@ -69,22 +68,18 @@ def compare(
 def table(comparison: Comparison) -> Table:
     """The comparison as a table that a person can read."""
     settings, options, robot = comparison.plan.settings, comparison.plan.options, comparison.plan.robot
-    made = Table(
-        title=f"{robot.name}: {settings.targets} random reachable poses, from the same random starts",
-        title_justify="left",
-        title_style="bold",
+    made = table_of(
+        f"{robot.name}: {settings.targets} random reachable poses, from the same random starts",
+        [""],
+        [s.method for s in comparison.summaries],
         caption=(
             f"{legend(settings, options)}\nposture cost: 1/2 |q - middle|^2, of the loosely solved"
             "\ncondition number: of the Jacobian, median"
         ),
         caption_justify="left",
     )
-    summaries = comparison.summaries
-    made.add_column("")
-    for s in summaries:
-        made.add_column(s.method, justify="right")
     for heading, cell in ROWS.items():
-        made.add_row(heading, *map(cell, summaries))
+        made.add_row(heading, *map(cell, comparison.summaries))
     return made
 
 
@@ -102,32 +97,3 @@ ROWS: dict[str, Callable[[Summary], str]] = {
     "time, median [ms]": lambda s: f"{1e3 * s.time[0]:.2f}",
 }
 """The figures of the table, a row each."""
-
-
-def picture(comparison: Comparison, path: str | Path) -> None:
-    """The comparison as a picture: success rates with their intervals, and pose error against posture cost."""
-    from maira_qp.apps import plots
-
-    made = plots.figure(1, 2, size=(13.0, 4.2))
-    rates, trade = made.axes
-    summaries, settings, options = comparison.summaries, comparison.plan.settings, comparison.plan.options
-    plots.success_bars(
-        rates,
-        {
-            f"within {options.position_tolerance:g} m,\n{options.orientation_tolerance:g} rad": {
-                s.method: (s.strict, s.count) for s in summaries
-            },
-            f"within {settings.loose_position:g} m,\n{settings.loose_orientation:g} rad": {
-                s.method: (s.loose, s.count) for s in summaries
-            },
-        },
-    )
-    rates.set_title(f"{comparison.plan.robot.name}: {settings.targets} random reachable poses")
-    points = {}
-    for summary in summaries:
-        rows = [row for row in comparison.rows if row["method"] == summary.method]
-        points[summary.method] = [row["position_error"] for row in rows], [row["posture_cost"] for row in rows]
-    plots.error_against_cost(trade, points, tolerance=options.position_tolerance)
-    trade.set_title("what each answer gives up: pose or posture")
-    rates.legend().remove()  # the same colours and names as on the right
-    plots.save(made, path)
