@@ -13,9 +13,11 @@ from time import perf_counter
 import numpy as np
 import tyro
 from rich.console import Console
-from rich.table import Table
 
 import maira_qp as mq
+from maira_qp.evaluation.report import table_of
+from maira_qp.evaluation.runner import judge_of
+from maira_qp.evaluation.targets import TargetSource
 from maira_qp.kernels.search.multi_start import OUTCOME, SUCCESS
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.closed_form import reach_in_closed_form
@@ -41,14 +43,14 @@ class Settings:
 def main(settings: Settings) -> None:
     """One row an arm, in a batch and one by one."""
     columns = ("us closed form", "us multi-start", "ratio", "solved", "solved", "us out of reach, batch")
-    table = Table("arm", "", *columns)
+    table = table_of("", ["arm", ""], columns)
     for name, make in ARMS.items():
-        robot, rng = make(), np.random.default_rng(settings.seed)
+        robot = make()
         solver = mq.Solver(robot)
         solver.solve(robot.forward(robot.middle))
         engine = solver.engines.compiled
         assert isinstance(engine, Compiled)
-        poses = np.array([robot.forward(robot.random_configuration(rng)).homogeneous for _ in range(settings.targets)])
+        poses, _ = TargetSource(robot, judge_of(robot)).batch("uniform", settings.targets, settings.seed)
         beyond = poses.copy()
         beyond[:, :3, 3] *= 2 * robot.length / np.linalg.norm(poses[:, :3, 3], axis=1)[:, None]
         away = min(timed(lambda solver=solver, T=beyond: solver.solve_batch(T, threads=1), 3)) / len(beyond)

@@ -11,12 +11,13 @@ from time import perf_counter
 import numpy as np
 import tyro
 from rich.console import Console
-from rich.table import Table
-from scipy.spatial.transform import Rotation
 
 import maira_qp as mq
 from maira_qp.analytic.srs.arrays import srs_array
 from maira_qp.analytic.srs.geometry import SRS
+from maira_qp.evaluation.report import table_of
+from maira_qp.evaluation.runner import judge_of
+from maira_qp.evaluation.targets import TargetSource
 from maira_qp.kernels.search.multi_start import OUTCOME, SUCCESS
 from maira_qp.kernels.srs.swivel_intervals import FLOATS, INTEGERS, PIECES
 from maira_qp.kernels.srs.unreachability import POSSIBLE, verdicts
@@ -43,37 +44,21 @@ class Settings:
 def main(settings: Settings) -> None:
     """One row an arm."""
     options = mq.Options(max_restarts=settings.restarts, max_settling=0)  # the nearest point is not asked for
-    table = Table("arm", "targets", *VERDICTS, "proved, solved", "open, not solved", "closed form, wrong", "us verdict")
+    figures = ("targets", *VERDICTS, "proved, solved", "open, not solved", "closed form, wrong", "us verdict")
+    table = table_of("", ["arm"], figures)
     for name, make in ARMS.items():
-        robot, rng = make(), np.random.default_rng(settings.seed)
-        poses = near_poses(robot, rng, settings.targets)
+        robot = make()
+        poses = TargetSource(robot, judge_of(robot)).around(settings.targets, settings.seed)
         rows = np.hstack([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]])
         codes, us_verdict = judged(robot, rows, options)
-        found, wrong = reached(robot, rows, poses, rng)
+        found, wrong = reached(robot, rows, poses)
         solved = mq.Solver(robot, options=options).solve_batch(poses, threads=1).success
         proved = codes != POSSIBLE
         counts = np.bincount(codes, minlength=len(VERDICTS))
         left = int((~proved & ~solved & ~found).sum())
-        figures = (int((proved & (solved | found)).sum()), left, wrong, f"{us_verdict:.2f}")
-        table.add_row(name, str(len(rows)), *map(str, counts), *map(str, figures))
+        shown = (int((proved & (solved | found)).sum()), left, wrong, f"{us_verdict:.2f}")
+        table.add_row(name, str(len(rows)), *map(str, counts), *map(str, shown))
     Console(width=150).print(table)
-
-
-def near_poses(robot: mq.Robot, rng: np.random.Generator, count: int) -> np.ndarray:
-    """Poses (count, 4, 4): of configurations with joints on limits, moved; and, one in ten, anywhere."""
-    lower, upper = robot.drawn_range
-    q = rng.uniform(lower, upper, (count, robot.n))
-    on_limit = rng.random(q.shape) < rng.choice([0.0, 0.3, 0.6], (count, 1))
-    q = np.where(on_limit, np.where(rng.random(q.shape) < 0.5, lower, upper), q)
-    poses = np.array([robot.at(each).placement(None).homogeneous for each in q])
-    size = 10.0 ** rng.uniform(-6, 0, (count, 1))
-    poses[:, :3, 3] += size * rng.normal(size=(count, 3)) / np.sqrt(3)
-    turn = Rotation.from_rotvec(size * rng.normal(size=(count, 3)) / np.sqrt(3)).as_matrix()
-    poses[:, :3, :3] = turn @ poses[:, :3, :3]
-    anywhere = np.arange(count) % 10 == 0
-    poses[anywhere, :3, :3] = Rotation.random(int(anywhere.sum()), rng=rng).as_matrix()
-    poses[anywhere, :3, 3] = robot.length * rng.uniform(-1, 1, (int(anywhere.sum()), 3))
-    return poses
 
 
 def judged(robot: mq.Robot, rows: np.ndarray, options: mq.Options) -> tuple[np.ndarray, float]:
@@ -86,15 +71,13 @@ def judged(robot: mq.Robot, rows: np.ndarray, options: mq.Options) -> tuple[np.n
     return codes, 1e6 * (perf_counter() - begin) / len(rows)
 
 
-def reached(robot: mq.Robot, rows: np.ndarray, poses: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, int]:
-    """Which targets are reached in closed form (N,), and how many of 10,000 of them are missed by 1e-9."""
+def reached(robot: mq.Robot, rows: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, int]:
+    """Which targets are reached in closed form (N,), and how many of them the judge finds missed by 1e-9."""
     engine, q, outcome = compiled(robot), np.empty((len(rows), robot.n)), np.empty((len(rows), OUTCOME))
     reach_in_closed_form(engine, Batch(rows, np.empty((0, 7)), np.zeros(len(rows), np.uint64), False), q, outcome)
     found = outcome[:, SUCCESS] > 0
-    some = rng.permutation(np.flatnonzero(found))[:10_000]
-    inside = ((robot.lower <= q) & (q <= robot.upper)).all(axis=1)
-    errors = np.array([np.abs(robot.at(q[k]).placement(None).homogeneous - poses[k]).max() for k in some])
-    return found, int((errors > 1e-9).sum() + (found & ~inside).sum())
+    right = judge_of(robot).verdict(q[found], poses[found]).within(1e-9, 1e-9)
+    return found, int((~right).sum())
 
 
 def compiled(robot: mq.Robot) -> Compiled:

@@ -57,8 +57,7 @@ class Arm:
 
     def ask(self, stratum: str, count: int, seed: int) -> Questions:
         """So many targets of a stratum of `TargetSource`."""
-        drawn = [self.targets.target(stratum, index, seed) for index in range(count)]
-        return Questions(np.array([target.pose for target in drawn]), np.array([target.start for target in drawn]))
+        return Questions(*self.targets.batch(stratum, count, seed))
 
     def screws(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The chain as a product of exponentials: axes (n, 3), a point (n, 3) [m] on each, tool pose (4, 4), at 0."""

@@ -29,7 +29,7 @@ def tables(summaries: Sequence[Summary], width: int = WIDE) -> list[Table]:
 
 def table_of(title: str, words: Iterable[str], figures: Iterable[str], **looks: Any) -> Table:
     """An empty table: columns of words to the left, of figures to the right. Further arguments are those of `Table`."""
-    table = Table(title=title, title_justify="left", title_style="bold", **looks)
+    table = Table(title=title or None, title_justify="left", title_style="bold", **looks)
     for heading in words:
         table.add_column(heading)
     for heading in figures:

@@ -28,6 +28,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from maira_qp.errors import OptionError, listed
 from maira_qp.evaluation.judge import Judge
@@ -107,6 +108,30 @@ class TargetSource:
             return Target(stratum, index, pose, start, None, (*stream, 1))
         q = self._draws()[stratum](start if stratum == NEARBY else q, rng)
         return Target(stratum, index, self.judge.forward(q), start, q, (*stream, 1))
+
+    def batch(self, stratum: str, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        """Poses (count, 4, 4) and starts (count, n) of a stratum's first targets."""
+        drawn = [self.target(stratum, index, seed) for index in range(count)]
+        return np.array([target.pose for target in drawn]), np.array([target.start for target in drawn])
+
+    def around(self, count: int, seed: int) -> np.ndarray:
+        """Poses (count, 4, 4) on both sides of what the arm reaches, by an unknown witness or none.
+
+        Those of configurations with some joints on their limits, each moved by 1e-6 to 1 m and rad; and, one in ten,
+        any orientation at any position of a cube around the arm.
+        """
+        rng = np.random.default_rng(seed)
+        q = rng.uniform(self._low, self._high, (count, self.robot.n))
+        on_limit = rng.random(q.shape) < rng.choice([0.0, 0.3, 0.6], (count, 1))
+        poses = self.judge.forward(np.where(on_limit, np.where(rng.random(q.shape) < 0.5, self._low, self._high), q))
+        size = 10.0 ** rng.uniform(-6, 0, (count, 1))
+        poses[:, :3, 3] += size * rng.normal(size=(count, 3)) / np.sqrt(3)
+        moved = Rotation.from_rotvec(size * rng.normal(size=(count, 3)) / np.sqrt(3)).as_matrix()
+        poses[:, :3, :3] = moved @ poses[:, :3, :3]
+        tenth = len(poses[::10])
+        poses[::10, :3, :3] = Rotation.random(tenth, rng=rng).as_matrix()
+        poses[::10, :3, 3] = self.robot.length * rng.uniform(-1, 1, (tenth, 3))
+        return poses
 
     @cached_property
     def reach(self) -> tuple[np.ndarray, float]:

@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pinocchio as pin
 import pytest
+from support.robots import load
 
 from maira_qp.errors import RobotError
 from maira_qp.evaluation.judge import Judge, Verdict, angle_between, turn
@@ -69,6 +70,50 @@ def test_a_wrong_configuration_is_refused(maira, rng):
         assert judge.verdict(q, target).within(1e-9, 1e-9)
         q[joint] += 1e-5
         assert not judge.verdict(q, target).within(1e-6, 1e-6)
+
+
+def test_a_batch_is_judged_as_its_rows(maira, rng):
+    """Figures of shape (N,) that are those of each row alone; a row that is not finite spoils no other."""
+    judge = judge_of(maira)
+    q = np.array([maira.random_configuration(rng) for _ in range(6)])
+    targets = judge.forward(q[::-1])
+    q[2, 3], q[4, 0] = np.nan, 9.0
+    verdict = judge.verdict(q, targets)
+    for k in range(6):
+        alone = judge.verdict(q[k], targets[k])
+        for figure in ("position_error", "orientation_error", "limit_violation"):
+            assert getattr(verdict, figure)[k] == pytest.approx(getattr(alone, figure), abs=1e-12)
+    assert verdict.within(9.0, 9.0).tolist() == [True, True, False, True, False, True]
+    assert verdict.within(9.0, 9.0, slack=9.0).tolist() == [True, True, False, True, True, True]
+    assert judge.verdict(np.empty((0, 7)), np.empty((0, 4, 4))).within(1, 1).shape == (0,)
+
+
+def test_of_several_tips_the_worst_one_counts(rng):
+    """Two arms on a torso: poses are Pinocchio's, and limits are those of all joints."""
+    robot = load("tiago_arms")
+    judge, q = judge_of(robot), robot.random_configuration(rng)
+    targets = {tip: robot.forward(q, tip).homogeneous for tip in robot.tips}
+    for tip in robot.tips:
+        np.testing.assert_allclose(judge.forward(q, tip), targets[tip], atol=1e-12)
+        moved = targets | {tip: pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.02])).homogeneous @ targets[tip]}
+        assert judge.verdict(q, moved).position_error == pytest.approx(0.02)
+    np.testing.assert_array_equal(judge.lower, robot.lower)
+    np.testing.assert_array_equal(judge.upper, robot.upper)
+    np.testing.assert_array_equal(judge.speed, robot.velocity_limit)
+    q[-1] = robot.upper[-1] + 0.1
+    assert judge.limit_violation(q) == pytest.approx(0.1)
+
+
+def test_a_control_run_is_judged_tick_by_tick(maira):
+    """By where each tick ends, and by how fast it went there."""
+    judge, dt = judge_of(maira), 0.01
+    q = np.zeros((4, 7))
+    q[1, 2] = q[2, 2] = 1.5 * judge.speed[2] * dt  # too fast by a half, then at rest
+    q[3, 2] = np.nan
+    verdict = judge.verdict(q, np.tile(judge.forward(q[0]), (3, 1, 1)), dt)
+    np.testing.assert_allclose(verdict.speed_excess, [0.5 * judge.speed[2], 0.0, np.inf])
+    assert verdict.position_error.shape == (3,)
+    np.testing.assert_array_equal(verdict.limit_violation, [0.0, 0.0, np.inf])
 
 
 def test_errors_are_the_distance_and_the_angle(maira, rng):

@@ -8,11 +8,11 @@ import pytest
 from maira_qp.errors import OptionError
 from maira_qp.evaluation.runner import judge_of
 from maira_qp.evaluation.settings import STRATA
-from maira_qp.evaluation.targets import MARGIN, NEARNESS, TargetSource
+from maira_qp.evaluation.targets import FAR_AWAY, MARGIN, NEARBY, NEARNESS, STEP, TargetSource
 from maira_qp.robots.dh.table import DHLink, DHTable
 from maira_qp.robots.model.robot import Robot
 
-REACHABLE = [stratum for stratum in STRATA if stratum != "out-of-reach"]
+REACHABLE = [*(stratum for stratum in STRATA if stratum != "out-of-reach"), NEARBY]
 
 
 def source_of(robot):
@@ -59,6 +59,37 @@ def test_near_limits_every_limited_joint_is_near_one(stratum, margin, maira, off
         assert ((below <= margin).any(axis=0) & (above <= margin).any(axis=0))[limited].all()
         assert np.ptp(q[:, ~limited], axis=0).min(initial=np.inf) > 1
         assert ((below > 0) & (above > 0))[:, limited].all()  # near them, not on them
+
+
+def test_a_nearby_target_is_a_step_from_its_start(maira):
+    """No further than that, and as far where no limit is in the way."""
+    drawn = [source_of(maira).target(NEARBY, index, seed=1) for index in range(20)]
+    steps = np.array([np.linalg.norm(target.witness - target.start) for target in drawn])
+    assert steps.max() == pytest.approx(STEP)
+    assert (steps > STEP / 2).all()
+
+
+def test_a_batch_is_the_targets_one_by_one(maira):
+    """And what is far away is further than any configuration comes."""
+    source = source_of(maira)
+    poses, starts = source.batch(FAR_AWAY, 5, seed=2)
+    for index, (pose, start) in enumerate(zip(poses, starts, strict=True)):
+        target = source.target(FAR_AWAY, index, seed=2)
+        assert not target.reachable
+        np.testing.assert_array_equal(pose, target.pose)
+        np.testing.assert_array_equal(start, target.start)
+    centre, reach = source.reach
+    assert (np.linalg.norm(poses[:, :3, 3] - centre, axis=1) > 1.05 * reach).all()
+
+
+def test_poses_around_what_is_reached_are_rigid_and_on_both_sides(maira):
+    poses = source_of(maira).around(300, seed=0)
+    np.testing.assert_allclose(
+        np.swapaxes(poses[:, :3, :3], 1, 2) @ poses[:, :3, :3], np.tile(np.eye(3), (300, 1, 1)), atol=1e-9
+    )
+    centre, reach = source_of(maira).reach
+    beyond = np.linalg.norm(poses[:, :3, 3] - centre, axis=1) > reach
+    assert 0.02 < beyond.mean() < 0.5
 
 
 def test_stretched_elbow_of_maira_is_its_fourth_joint(maira):
