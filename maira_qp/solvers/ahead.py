@@ -1,4 +1,4 @@
-"""Compile kernels ahead of their first use, several at a time, each in a process of its own.
+"""Compile kernels ahead of their first use, in several processes that each do one job after another.
 
 A job brings the engine to call one of its large kernels, on a small problem with the arrays that it makes for any
 other: what a kernel is compiled for does not depend on the robot, so built-in arms stand for all.
@@ -7,11 +7,15 @@ other: what a kernel is compiled for does not depend on the robot, so built-in a
 from __future__ import annotations
 
 import os
-import subprocess
+import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack, suppress
 from math import pi
+from queue import SimpleQueue
+from subprocess import PIPE, Popen
+from tempfile import TemporaryFile
 
 import numpy as np
 
@@ -38,14 +42,14 @@ def compile(
 
     For a robot only those that its kind of arm needs are compiled, for a solver those that its redundancy needs; None:
     those for every arm and every redundancy. `verbs` are of "solve", "solve_batch", "solutions" and "step". `processes`
-    run at a time; None: as many as there are processors for this process. `progress` is called with the number of jobs
-    that are done and their total. What is compiled already costs the start of its process.
+    work at a time; None: as many as there are processors for this process. `progress` is called with the number of jobs
+    that are done and their total. What is compiled already is loaded.
 
     Raises `OptionError` for an unknown verb or no process, `CompilationError` where compiled code cannot be kept.
     """
     names = list(jobs(robot_or_solver, verbs))
-    workers = processes if processes is not None else len(os.sched_getaffinity(0))
-    if workers < 1:
+    count = processes if processes is not None else len(os.sched_getaffinity(0))
+    if count < 1:
         raise OptionError(f"processes must be at least 1, not {processes}")
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return
@@ -55,8 +59,13 @@ def compile(
         raise CompilationError("compiled code can be kept nowhere; set NUMBA_CACHE_DIR to a folder to write to")
     if progress is not None:
         progress(0, len(names))
-    with ThreadPoolExecutor(workers) as pool:
-        running = [pool.submit(_start, name) for name in names]
+    with ExitStack() as stack:
+        workers = [stack.enter_context(_Worker()) for _ in range(min(count, len(names)))]
+        pool = stack.enter_context(ThreadPoolExecutor(count))
+        idle = SimpleQueue[_Worker]()
+        for worker in workers:
+            idle.put(worker)
+        running = [pool.submit(_run, name, idle) for name in names]
         try:
             for done, job in enumerate(as_completed(running), 1):
                 job.result()
@@ -64,6 +73,8 @@ def compile(
                     progress(done, len(names))
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            for worker in workers:
+                worker.interrupt()
             raise
 
 
@@ -90,13 +101,57 @@ def jobs(robot_or_solver: Robot | Solver | None, verbs: Iterable[str]) -> Iterat
     yield from (name for name in JOBS if wanted.get(name, searches))
 
 
-def _start(name: str) -> None:
-    """Run a job in a process of its own. Raises `CompilationError`."""
-    code = f"import sys; sys.path[:] = {sys.path!r}; from maira_qp.solvers.ahead import JOBS; JOBS[{name!r}]()"
-    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    if ran.returncode:
-        last = (ran.stderr.strip().splitlines() or [f"exit code {ran.returncode}"])[-1]
+class _Worker:
+    """A process that does jobs, one after another: what several need it compiles for the first of them."""
+
+    CODE = "import sys; sys.path[:] = {path!r}; from maira_qp.solvers.ahead import work; work()"
+
+    def __init__(self) -> None:
+        self._errors = TemporaryFile("w+")  # noqa: SIM115 - closed on exit
+        command = [sys.executable, "-c", self.CODE.format(path=sys.path)]
+        self._process = Popen(command, stdin=PIPE, stdout=PIPE, stderr=self._errors, text=True)
+
+    def __enter__(self) -> _Worker:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.communicate()
+        self._errors.close()
+
+    def do(self, name: str) -> None:
+        """Wait until a job is done. Raises `CompilationError` with the last line that a worker which died has said."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        with suppress(BrokenPipeError):
+            self._process.stdin.write(f"{name}\n")
+            self._process.stdin.flush()
+        if self._process.stdout.readline():
+            return
+        code = self._process.wait()
+        self._errors.seek(0)
+        last = (self._errors.read().strip().splitlines() or [f"exit code {code}"])[-1]
         raise CompilationError(f"compiling {name} failed: {last}")
+
+    def interrupt(self) -> None:
+        """Make it stop, as Ctrl-C does."""
+        self._process.send_signal(signal.SIGINT)
+
+
+def _run(name: str, idle: SimpleQueue[_Worker]) -> None:
+    """Give a job to a worker that is idle, and wait until it is done. Raises `CompilationError`."""
+    worker = idle.get()
+    try:
+        worker.do(name)
+    finally:
+        idle.put(worker)
+
+
+def work() -> None:
+    """Do the jobs that standard input names, and write a line to standard output after each."""
+    told, sys.stdout = sys.stdout, sys.stderr
+    for line in sys.stdin:
+        JOBS[line.strip()]()
+        print("done", file=told, flush=True)
 
 
 def _six_axes(kind: JointKind = "revolute") -> Robot:

@@ -8,16 +8,23 @@ lowered, and taken in as such by its callers; none of its code runs by itself, s
 from __future__ import annotations
 
 import gc
+import operator
 import os
-from collections.abc import Callable
+from abc import abstractmethod
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any, ClassVar
 
+from llvmlite.binding import Linkage
 from numba import njit, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder, Flags
 from numba.core.compiler_machinery import LoweringPass, register_pass
+from numba.core.cpu import CPUContext
+from numba.core.datamodel.models import OpaqueModel
 from numba.core.typed_passes import InlineOverloads, IRLegalization, NopythonRewrites
 from numba.core.untyped_passes import DeadBranchPrune, InlineClosureLikes, WithLifting
+from numba.extending import register_model
 
 INLINE = os.environ.get("MAIRA_QP_INLINE", "1") != "0"
 """Whether all this is used. Without (`MAIRA_QP_INLINE=0`) Numba compiles kernels as any other function, which takes
@@ -36,12 +43,14 @@ def part(function: Callable, options: dict[str, Any]) -> Any:
 
 
 class EntryCompiler(CompilerBase):
-    """Numba's compiler of functions without Python objects, with options that are known by what they are."""
+    """Numba's compiler of functions without Python objects, that looks up what it has found out before."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self.state.flags = _Flags(self.state.flags)
-        self.state.typingctx = _Operators(self.state.typingctx)
+        state = self.state
+        state.flags = _Flags(state.flags)
+        state.typingctx = state.targetctx.typing_context = _Typing(state.typingctx)
+        state.targetctx.get_abi_sizeof = partial(_size, state.targetctx)
 
     def compile_extra(self, func: Any) -> Any:
         """Compile, without looking for garbage among what is nearly all still in use: a tenth of the time."""
@@ -54,39 +63,36 @@ class EntryCompiler(CompilerBase):
                 gc.enable()
 
     def define_pipelines(self) -> list[Any]:
-        """The passes of a function that Python calls."""
-        return [_needed(DefaultPassBuilder.define_nopython_pipeline(self.state))]
+        """Numba's passes without those for what no kernel has: closures, comprehensions, whole arrays."""
+        pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        pipeline.passes = [(found, text) for found, text in pipeline.passes if found not in _NOT_NEEDED]
+        pipeline._finalized = False
+        pipeline.add_pass_after(self._open_library, IRLegalization)
+        pipeline.finalize()
+        return [pipeline]
+
+    @property
+    def _open_library(self) -> type[LoweringPass]:
+        """The pass that opens the library that the kernel is lowered into."""
+        return _OpenEntry
 
 
 class _PartCompiler(EntryCompiler):
     """The same with libraries of another kind."""
 
-    def define_pipelines(self) -> list[Any]:
-        """The passes of a part."""
-        pipeline = _needed(DefaultPassBuilder.define_nopython_pipeline(self.state))
-        pipeline.add_pass_after(_OpenLibrary, IRLegalization)
-        pipeline.finalize()
-        return [pipeline]
-
-
-def _needed(pipeline: Any) -> Any:
-    """Numba's passes without those for what no kernel has: closures, comprehensions, expressions of whole arrays."""
-    pipeline.passes = [(found, text) for found, text in pipeline.passes if found not in _NOT_NEEDED]
-    pipeline._finalized = False
-    pipeline.finalize()
-    return pipeline
+    @property
+    def _open_library(self) -> type[LoweringPass]:
+        return _OpenPart
 
 
 _NOT_NEEDED = (WithLifting, InlineClosureLikes, DeadBranchPrune, InlineOverloads, NopythonRewrites)
 
 
-class _Operators:
-    """Numba's knowledge of types, which of an operator between numbers or arrays asks but once what it gives.
+class _Typing:
+    """Numba's knowledge of types, which of a function between types asks but once what it gives.
 
-    By itself it tries each time all that NumPy knows of such an operator: a fifth of all its time.
+    By itself it tries all that NumPy knows of an operator each time it meets one: a fifth of all its time.
     """
-
-    _known: ClassVar[dict[Any, Any]] = {}
 
     def __init__(self, context: Any) -> None:
         self._context = context
@@ -94,18 +100,64 @@ class _Operators:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._context, name)
 
+    def resolve_value_type(self, value: Any) -> Any:
+        """The type of a value; of a function that Numba knows, one that remembers."""
+        found = self._context.resolve_value_type(value)
+        return _Function.of(found) if type(found) is types.Function else found
+
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
         """The signature of a function for arguments of these types."""
-        is_plain = isinstance(func, types.Function) and not kws and all(isinstance(arg, _PLAIN) for arg in args)
-        if not is_plain:
-            return self._context.resolve_function_type(func, args, kws)
-        asked = func, tuple(args)
-        if asked not in self._known:
-            self._known[asked] = self._context.resolve_function_type(func, args, kws)
-        return self._known[asked]
+        if isinstance(func, _Function) and not kws:
+            return func.get_call_type(self._context, args, kws)
+        return self._context.resolve_function_type(func, args, kws)
+
+    def resolve_getitem(self, value: Any, index: Any) -> Any:
+        """The signature of an element of a value."""
+        return self.resolve_value_type(operator.getitem).get_call_type(self._context, (value, index), {})
+
+    def resolve_setitem(self, target: Any, index: Any, value: Any) -> Any:
+        """The signature of the assignment to an element."""
+        return self.resolve_value_type(operator.setitem).get_call_type(self._context, (target, index, value), {})
 
 
-_PLAIN = (types.Number, types.Boolean, types.Array, types.BaseTuple)
+class _Function(types.Function):
+    """A function that Numba knows, and its signatures so far."""
+
+    _known: ClassVar[dict[types.Function, _Function]] = {}
+
+    @classmethod
+    def of(cls, function: types.Function) -> _Function:
+        """The one for a function of Numba's."""
+        if function not in cls._known:
+            cls._known[function] = cls(function.templates)
+        return cls._known[function]
+
+    def __init__(self, template: Any) -> None:
+        super().__init__(template)
+        self._signatures: dict[Any, Any] = {}
+
+    def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
+        """The signature for arguments of these types. Raises `TypingError`."""
+        if kws:
+            return super().get_call_type(context, args, kws)
+        args = tuple(args)
+        if args not in self._signatures:
+            self._signatures[args] = super().get_call_type(context, args, kws)
+        return self._signatures[args]
+
+
+register_model(_Function)(OpaqueModel)
+
+
+def _size(context: Any, type_: Any) -> int:
+    """The bytes of a value of LLVM's type, for which Numba each time makes and reads a module."""
+    name = str(type_)
+    if name not in _SIZES:
+        _SIZES[name] = CPUContext.get_abi_sizeof(context, type_)
+    return _SIZES[name]
+
+
+_SIZES: dict[str, int] = {}
 
 
 class _Flags(Flags):
@@ -128,36 +180,94 @@ class _SettledFlags(Flags):
         return Flags(self)
 
 
-@register_pass(mutates_CFG=False, analysis_only=False)
 class _OpenLibrary(LoweringPass):
     """Open the library that the kernel is lowered into."""
-
-    _name = "open_library_of_part"
 
     def __init__(self) -> None:
         LoweringPass.__init__(self)
 
     def run_pass(self, state: Any) -> bool:  # type: ignore[override]
-        state.library = _Library(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library = self.library(state)
         return False
+
+    @abstractmethod
+    def library(self, state: Any) -> JITCodeLibrary:
+        """The library for what is compiled."""
+
+
+@register_pass(mutates_CFG=False, analysis_only=False)
+class _OpenPart(_OpenLibrary):
+    _name = "open_library_of_part"
+
+    def library(self, state: Any) -> JITCodeLibrary:
+        return _Part(state.targetctx.codegen(), state.func_id.func_qualname)
+
+
+@register_pass(mutates_CFG=False, analysis_only=False)
+class _OpenEntry(_OpenLibrary):
+    _name = "open_library_of_entry"
+
+    def library(self, state: Any) -> JITCodeLibrary:
+        kind = _Entry if state.flags.nrt else _BareEntry
+        library = kind(state.targetctx.codegen(), state.func_id.func_qualname)
+        library.enable_object_caching()
+        return library
 
 
 class _Library(JITCodeLibrary):
-    """Code that is linked into other libraries, and loaded as part of these alone: optimised there, not here."""
+    """Code that is optimised where all of it is together, and no function by itself."""
 
     def _optimize_functions(self, ll_module: Any) -> None:
-        pass
+        ll_module.data_layout = self._codegen._data_layout
 
-    def _optimize_final_module(self) -> None:
-        pass
 
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()
+class _Part(_Library):
+    """Code that is linked into the libraries of entries, and loaded as part of these alone."""
+
+    def finalize(self) -> None:
+        """Only make it fit to be linked, together with the parts that it calls, by each entry."""
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == Linkage.external:
+                function.linkage = "linkonce_odr"
+        self._shared_module = self._final_module
         self._finalized = True
 
     @property
     def codegen(self) -> Any:
         return _NotLoaded()
+
+
+class _Entry(_Library):
+    """Code that is called from Python, with that of all its parts."""
+
+    def finalize(self) -> None:
+        """Link all parts, each after its callers, as LLVM takes in only what is called; then compile."""
+        self._linking_libraries = _callers_first(self._linking_libraries)
+        super().finalize()
+
+
+class _BareEntry(_Entry):
+    """The same without counts of references, which Numba prunes with passes before the main ones."""
+
+    def _optimize_final_module(self) -> None:
+        passes, builder = self._codegen._module_pass_manager()
+        passes.run(self._final_module, builder)
+
+
+def _callers_first(libraries: Iterable[Any]) -> list[Any]:
+    """Libraries with those that their parts link, in an order in which each comes before those it links."""
+    found: dict[Any, None] = {}
+
+    def visit(library: Any) -> None:
+        if library not in found:
+            if isinstance(library, _Part):
+                for other in library._linking_libraries:
+                    visit(other)
+            found[library] = None
+
+    for library in libraries:
+        visit(library)
+    return list(reversed(found))
 
 
 class _NotLoaded:
