@@ -229,8 +229,14 @@ class _Part(_Library):
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage == Linkage.external:
                 function.linkage = "linkonce_odr"
-        self._shared_module = self._final_module
         self._finalized = True
+
+    def _get_module_for_linking(self) -> Any:
+        """The code with all that it calls, which functions that are no kernels take in as they do any other."""
+        if self._shared_module is None:
+            self._shared_module = self._final_module.clone()
+            _link(self, self._shared_module)
+        return self._shared_module
 
     @property
     def codegen(self) -> Any:
@@ -241,8 +247,9 @@ class _Entry(_Library):
     """Code that is called from Python, with that of all its parts."""
 
     def finalize(self) -> None:
-        """Link all parts, each after its callers, as LLVM takes in only what is called; then compile."""
-        self._linking_libraries = _callers_first(self._linking_libraries)
+        """Link all parts, then compile."""
+        _link(self, self._final_module)
+        self._linking_libraries = []
         super().finalize()
 
 
@@ -252,6 +259,14 @@ class _BareEntry(_Entry):
     def _optimize_final_module(self) -> None:
         passes, builder = self._codegen._module_pass_manager()
         passes.run(self._final_module, builder)
+
+
+def _link(library: Any, module: Any) -> None:
+    """Link what a library and its parts call into a module, callers first: LLVM takes in only what is called."""
+    for other in _callers_first(library._linking_libraries):
+        library._reload_init.update(other._reload_init)
+        open_or_whole = other._final_module if isinstance(other, _Part) else other._get_module_for_linking()
+        module.link_in(open_or_whole, preserve=True)
 
 
 def _callers_first(libraries: Iterable[Any]) -> list[Any]:
