@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
 from maira_qp.arrays import is_listing, real_array
 from maira_qp.errors import OptionError, listed, shown
-from maira_qp.robots.dh.table import DHTable
 from maira_qp.robots.unit_hints import degrees_hint_of_angles
 
-FOLLOWING = 1e-9
-"""Share by which the limits of a mimic joint become wider than its leader's, and differ at least for that."""
+ENDLESS = 1e16
+"""Limits beyond it are none: a double steps by more than a radian, or a metre, there. Files write 1.797e308."""
+
+Limits = Mapping[str, tuple[float, float]]
+"""Lower and upper limits by the names of joints, in place of those of a description."""
 
 
 @dataclass(frozen=True)
@@ -103,54 +103,19 @@ class JointLimits:
             raise OptionError(f"joint {self.joint_names[i]!r}: {reason.format(*(float(value[i]) for value in values))}")
 
 
-def limited_table(table: DHTable, limits: JointLimits) -> DHTable:
-    """The DH table with other limits; a continuous joint that has been given some is revolute."""
-    joints = iter(zip(limits.lower, limits.upper, limits.velocity, limits.acceleration, strict=True))
-    links = []
-    for link in table.links:
-        if link.kind != "fixed":
-            lower, upper, velocity, acceleration = map(float, next(joints))
-            limited = {"velocity": velocity, "acceleration": acceleration if acceleration < math.inf else None}
-            limited |= {"lower": lower, "upper": upper} if upper < math.inf else {"lower": None, "upper": None}
-            kind = "revolute" if link.kind == "continuous" and upper < math.inf else link.kind
-            link = replace(link, kind=kind, **limited)
-        links.append(link)
-    return DHTable(links, name=table.name)
-
-
-def limited_urdf(urdf: str, limits: JointLimits) -> str:
-    """The text of a normalised URDF, see `urdf_reader.Chain`, with other limits of its independent joints.
-
-    Those of mimic joints become as wide as these need them.
-    """
-    root = ElementTree.fromstring(urdf)
-    joints = {joint.attrib["name"]: joint for joint in root.findall("joint")}
-    for i, name in enumerate(limits.joint_names):
-        joint = joints[name]
-        keys = {"velocity": limits.velocity[i], "acceleration": limits.acceleration[i]}
-        if limits.upper[i] < math.inf:
-            keys |= {"lower": limits.lower[i], "upper": limits.upper[i]}
-            if joint.get("type") == "continuous":
-                joint.set("type", "revolute")
-        for limit in joint.findall("limit"):
-            limit.attrib |= {key: repr(float(value)) if math.isfinite(value) else "0" for key, value in keys.items()}
-        if limits.upper[i] < math.inf:
-            _let_follow(root, name, float(limits.lower[i]), float(limits.upper[i]))
-    return ElementTree.tostring(root, encoding="unicode")
-
-
-def _let_follow(root: ElementTree.Element, leader: str, lower: float, upper: float) -> None:
-    """Widen the limits of a leader's mimic joints to what its own, [rad, or m], lead them to."""
-    for joint in root.findall("joint"):
-        mimic, limit = joint.find("mimic"), joint.find("limit")
-        if mimic is not None and limit is not None and mimic.get("joint") == leader:
-            multiplier, offset = float(mimic.attrib["multiplier"]), float(mimic.attrib["offset"])
-            ends = sorted(multiplier * end + offset for end in (lower, upper))
-            slack = FOLLOWING * max(1.0, abs(ends[0]), abs(ends[1]))
-            if ends[0] < float(limit.get("lower", -math.inf)) - slack:
-                limit.set("lower", repr(ends[0] - slack))
-            if ends[1] > float(limit.get("upper", math.inf)) + slack:
-                limit.set("upper", repr(ends[1] + slack))
+def given_limits(limits: Limits | None, known: Iterable[str]) -> dict[str, tuple[float, float]]:
+    """The limits given at load for some of the joints that are known, checked. Raises `OptionError`."""
+    if not isinstance(limits, (Mapping, type(None))):
+        raise OptionError(f"limits must be a mapping {{joint name: (lower, upper)}}, got {shown(limits)}")
+    known, given = list(known), {}
+    for name, pair in (limits or {}).items():
+        if name not in known:
+            raise OptionError(f"limits: {shown(name)} is not a joint that moves; {listed(known, name)}")
+        lower, upper = real_array(pair, (2,), f"the limits of joint {name!r}", OptionError).tolist()
+        if not -ENDLESS <= lower <= upper <= ENDLESS:
+            raise OptionError(f"the limits of joint {name!r} are inverted or too large: ({lower:g}, {upper:g})")
+        given[name] = lower, upper
+    return given
 
 
 def _hint(limits: np.ndarray) -> str:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import pinocchio as pin
 
 from maira_qp.errors import FrameError, listed, shown
+
+MAX_JOINTS = 100
+"""Most joints that may move: Pinocchio's working memory grows with their cube, to 1.4 GB at 300."""
 
 
 class Scratch:
@@ -31,14 +34,14 @@ class PerThread(threading.local):
 class Kinematics:
     """What a `Configuration` needs of its robot: the model, its frames, and memory that no two threads share."""
 
-    def __init__(self, model: pin.Model, frames: Sequence[str], tip: str, name: str) -> None:
-        """`frames` are the names of links that may be asked for; `tip` is one of them; `name` is the robot's."""
+    def __init__(self, model: pin.Model, frames: Mapping[str, int], tip: str, name: str) -> None:
+        """`frames` are those that may be asked for, with Pinocchio's index; `tip` is one of them."""
         self.model = model
         self.nq, self.n = model.nq, model.nv
         self.has_mimic = any(joint.shortname() == "JointModelMimic" for joint in model.joints)
         self._per_thread = PerThread(model)
         self._name, self._frames = name, tuple(frames)
-        self._ids: dict[str | None, int] = {frame: model.getFrameId(frame, pin.FrameType.BODY) for frame in frames}
+        self._ids: dict[str | None, int] = dict(frames)
         self._ids[None] = self._ids[tip]
 
     @property

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -19,8 +16,11 @@ from maira_qp.errors import ConfigurationError, OptionError, RobotError, shown
 from maira_qp.robots.dh.table import DHLink, DHTable
 from maira_qp.robots.model import catalog
 from maira_qp.robots.model.configuration import Configuration
-from maira_qp.robots.model.joint_limits import JointLimits, limited_table, limited_urdf
+from maira_qp.robots.model.joint_limits import JointLimits
 from maira_qp.robots.model.kinematics import Kinematics
+from maira_qp.robots.model.reduced import Couplings, coupled, frames_of, independent, reduced
+from maira_qp.robots.model.sources import DHSource, Source, URDFSource
+from maira_qp.robots.urdf.model import model_of
 from maira_qp.robots.urdf.reader import Chain, read_urdf
 from maira_qp.robots.urdf.writer import urdf_text
 
@@ -51,7 +51,7 @@ class Robot(Shown):
     """Number of independent joints."""
     joint_names: tuple[str, ...]
     frames: tuple[str, ...]
-    """Names of all links, the base first: what `frame` may be."""
+    """Names of all links, and of the tool frames of a model, the base first: what `frame` may be."""
     moved_links: tuple[str, ...]
     """The link directly behind each moving joint, mimic joints too, parents before children."""
     slides: np.ndarray
@@ -73,34 +73,43 @@ class Robot(Shown):
     and to the tip, and prismatic ranges, each of which counts no more than all distances together.
 
     Of several tips the one that is farthest."""
-    urdf: str
-    """The description as normalised URDF, see `Chain`."""
     dh: DHTable | None
     """The DH table that the robot was made from, if it was."""
 
-    def __init__(self, chain: Chain, dh: DHTable | None = None) -> None:
-        """From a chain as `read_urdf` makes it; use `from_dh` or `from_urdf`."""
-        self._chain = chain
-        self.model = _model(chain)
-        self.name, self.base, self.urdf = chain.name, chain.base, chain.urdf
-        self.tip, self.tips = chain.tip, chain.tips
-        self.joint_names, self.frames = chain.joint_names, chain.frames
-        self.n = len(chain.joint_names)
+    def __init__(
+        self,
+        model: pin.Model,
+        mimic: Couplings,
+        name: str,
+        base: str,
+        tips: tuple[str, ...],
+        acceleration: np.ndarray,
+        source: Source | None,
+    ) -> None:
+        """From a model whose joints all move, and in which followers move on their own; use `from_model`."""
+        self._uncoupled, self._mimic, self._source = model, mimic, source
+        self.model = coupled(model, mimic)
+        links = frames_of(self.model)
+        frames = {base: links.get(base, 0), **links}  # the universe is no link
+        self.name, self.base, self.tip, self.tips = name, base, tips[0], tips
+        self.joint_names = tuple(each for each in self.model.names[1:] if each not in mimic)
+        self.frames = tuple(frames)
+        self.n = self.model.nv
         sliding = [joint.idx_q for joint in self.model.joints if joint.shortname().startswith("JointModelP")]
         self.slides = np.isin(np.arange(self.n), sliding)
-        self.lower, self.upper = chain.lower, chain.upper
-        self.velocity_limit, self.effort_limit = chain.velocity, chain.effort
-        self.acceleration_limit = chain.acceleration
+        self.lower, self.upper = np.array(self.model.lowerPositionLimit), np.array(self.model.upperPositionLimit)
+        self.velocity_limit, self.effort_limit = np.array(self.model.velocityLimit), np.array(self.model.effortLimit)
+        self.acceleration_limit = np.array(acceleration)
         limits = self.lower, self.upper, self.velocity_limit, self.effort_limit, self.acceleration_limit
         for array in (self.slides, *limits):
-            array.setflags(write=False)  # unpickled arrays have lost it
+            array.setflags(write=False)
         turns = np.isinf(self.lower)  # a continuous joint: one turn is all of it
         # what random configurations are drawn from
         self.drawn_range = np.where(turns, -np.pi, self.lower), np.where(turns, np.pi, self.upper)
         self.middle = 0.5 * self.drawn_range[0] + 0.5 * self.drawn_range[1]
         self.middle.setflags(write=False)
-        self.dh = dh
-        self.kinematics = Kinematics(self.model, self.frames, self.tip, self.name)
+        self.dh = None if source is None else source.dh
+        self.kinematics = Kinematics(self.model, frames, self.tip, self.name)
         ends = [self.model.frames[self.frame_id(tip)] for tip in self.tips]
         self.length = max(_length(self.model, end, self.drawn_range) for end in ends)
         behind = len(self.model.supports[ends[0].parentJoint])  # the joints before the first tip, and the universe
@@ -111,12 +120,63 @@ class Robot(Shown):
         )
 
     @classmethod
+    def from_model(
+        cls,
+        model: pin.Model,
+        tip: str | Sequence[str] | None = None,
+        base: str | None = None,
+        *,
+        limits: Mapping[str, tuple[float, float]] | None = None,
+        name: str | None = None,
+        acceleration: Any = None,
+        mimic: Couplings | None = None,
+        source: Source | None = None,
+    ) -> Robot:
+        """From a Pinocchio model, which is copied: this is what `from_urdf` and `from_dh` end in.
+
+        The joints between the base and the tips move, in the order of the model, all others are fixed at zero or at
+        their limit nearest to it. A continuous joint, in Pinocchio a pair (cos, sin), becomes one angle without limits,
+        so that q may be shorter than that of the model. Without a base poses are relative to the model's universe, as
+        Pinocchio's are.
+
+        Args:
+            model: each joint revolute, prismatic or continuous, or mimic; others must be off the way to the tips.
+            tip: frame, or list of frames; None: the only one at the end of the joints. A joint that carries no link
+                is named by a link of its own name.
+            base: frame that poses are relative to, and that carries the tips; None: the universe.
+            limits: {joint name: (lower, upper)} [rad, or m] in place of those of the model.
+            name: of the robot; None: the model's.
+            acceleration: largest accelerations (n,) [rad/s^2, or m/s^2], as in `limited`: no model holds them.
+            mimic: {follower: (leader, multiplier, offset)} of joints that are not mimic joints in the model.
+            source: what an importer made the model from.
+
+        Raises `RobotError` for a model that cannot be used: joints of other types on the way, such as a free-flyer,
+        limits that are inverted, NaN or missing, nothing that moves; `FrameError` for a tip or base that is not a
+        suitable frame; `OptionError` for limits of no joint, inverted ones, and accelerations.
+        """
+        part = reduced(model, tip, base, limits, mimic)
+        if name is None:
+            name = model.name or "robot"
+        elif not isinstance(name, str) or not name.strip():
+            raise RobotError(f"a robot's name must be text that is not empty, got {shown(name)}")
+        if not isinstance(source, (Source, type(None))):
+            raise RobotError(f"source is for importers, got {shown(source)}")
+        wanted = part.limits.limited(None, None, None, acceleration, 0.0)
+        return cls(part.model, part.mimic, name, part.base, part.tips, wanted.acceleration, source)
+
+    @classmethod
+    def _of_chain(cls, chain: Chain, source: Source) -> Robot:
+        model, mimic = model_of(chain)
+        known = {"acceleration": chain.acceleration, "mimic": mimic, "source": source}
+        return cls.from_model(model, chain.tips, chain.base, name=chain.name, **known)
+
+    @classmethod
     def from_dh(cls, links: DHTable | Iterable[DHLink | Mapping[str, Any]], name: str | None = None) -> Robot:
         """From a DH table or its links; the base is `base_link`, the tip `tool0`. Raises `RobotError`."""
         table = links if isinstance(links, DHTable) else DHTable(links)
         if name is not None:
             table = DHTable(table.links, name=name)
-        return cls(read_urdf(urdf_text(table)), dh=table)
+        return cls._of_chain(read_urdf(urdf_text(table)), DHSource(table))
 
     @classmethod
     def from_urdf(
@@ -146,7 +206,8 @@ class Robot(Shown):
         description that cannot be used, or a tip that no joint moves; `FrameError` for a tip or base that is not a
         suitable link, and for tips that are repeated; `OptionError` for limits of no joint, or inverted ones.
         """
-        return cls(read_urdf(source, tip=tip, base=base, limits=limits))
+        chain = read_urdf(source, tip=tip, base=base, limits=limits)
+        return cls._of_chain(chain, URDFSource(chain.urdf, chain.tips, chain.base))
 
     @classmethod
     def maira(cls) -> Robot:
@@ -198,9 +259,31 @@ class Robot(Shown):
 
     def _with(self, limits: JointLimits) -> Robot:
         """The same robot with other limits."""
-        if self.dh is not None:
-            return Robot.from_dh(limited_table(self.dh, limits))
-        return Robot.from_urdf(limited_urdf(self.urdf, limits), tip=self.tips, base=self.base)
+        model, places = self._uncoupled.copy(), independent(self._uncoupled, self._mimic)
+        wanted = {
+            "lowerPositionLimit": limits.lower,
+            "upperPositionLimit": limits.upper,
+            "velocityLimit": limits.velocity,
+        }
+        for key, values in wanted.items():
+            array = np.array(getattr(model, key))
+            array[places] = values
+            setattr(model, key, array)
+        source = None if self._source is None else self._source.limited(limits)
+        return Robot(model, self._mimic, self.name, self.base, self.tips, limits.acceleration, source)
+
+    @cached_property
+    def urdf(self) -> str:
+        """The description as normalised URDF, see `maira_qp.robots.urdf.reader.Chain`, with the limits that hold.
+
+        Raises `RobotError` where the robot was made from a Pinocchio model, which holds no shapes.
+        """
+        if self._source is None:
+            raise RobotError(
+                f"{self.name!r} was made from a Pinocchio model, of which there is no URDF; with its URDF use "
+                "Robot.from_urdf"
+            )
+        return self._source.urdf()
 
     @cached_property
     def tree(self) -> KinematicTree:
@@ -312,13 +395,27 @@ class Robot(Shown):
         )
 
     def __eq__(self, other: object) -> bool:
-        return self._chain == other._chain if isinstance(other, Robot) else NotImplemented
+        if not isinstance(other, Robot):
+            return NotImplemented
+        if self is other or self._traits != other._traits:
+            return self is other
+        if self._source is not None and other._source is not None:
+            return self.urdf == other.urdf
+        return self._source is other._source and self._mimic == other._mimic and self._uncoupled == other._uncoupled
 
     def __hash__(self) -> int:
-        return hash(self._chain)
+        return hash(self._traits)
 
-    def __reduce__(self) -> tuple[type[Robot], tuple[Chain, DHTable | None]]:
-        return Robot, (self._chain, self.dh)
+    @cached_property
+    def _traits(self) -> tuple[object, ...]:
+        """What differs between most robots that are not equal."""
+        limits = self._limits
+        arrays = limits.lower, limits.upper, limits.velocity, limits.acceleration
+        return self.name, self.base, self.tips, self.joint_names, *(tuple(array.tolist()) for array in arrays)
+
+    def __reduce__(self) -> tuple[type[Robot], tuple[object, ...]]:
+        parts = self._uncoupled, self._mimic, self.name, self.base, self.tips, self.acceleration_limit, self._source
+        return Robot, parts
 
 
 def drawn(rng: np.random.Generator, lower: np.ndarray, upper: np.ndarray, *count: int) -> np.ndarray:
@@ -335,24 +432,6 @@ def condition_numbers(J: np.ndarray) -> np.ndarray:
     return np.divide(largest, smallest, out=np.full(largest.shape, np.inf), where=regular)
 
 
-def _model(chain: Chain) -> pin.Model:
-    """Pinocchio's model of a chain, without meshes. Raises `RobotError`."""
-    root = ElementTree.fromstring(chain.urdf)
-    names = [joint.attrib["name"] for joint in root.findall("joint")]
-    try:
-        model = pin.buildModelFromXML(_for_pinocchio(root), mimic=True)
-    except (ValueError, RuntimeError, IndexError) as reason:
-        raise RobotError(f"Pinocchio cannot use the description of {chain.name!r}: {reason}") from None
-    for index in range(1, model.njoints):
-        model.names[index] = names[int(model.names[index])]
-    for frame in model.frames:
-        if frame.type in (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT) and frame.name != "universe":
-            frame.name = names[int(frame.name)]
-    model.lowerPositionLimit, model.upperPositionLimit = chain.lower, chain.upper
-    model.velocityLimit, model.effortLimit = chain.velocity, chain.effort
-    return model
-
-
 def _length(model: pin.Model, tip: pin.Frame, limits: tuple[np.ndarray, np.ndarray]) -> float:
     """`Robot.length` [m] to one tip; 1 where all of its joints and the tip are in one point."""
     links, ranges, joint = float(np.linalg.norm(tip.placement.translation)), [], tip.parentJoint
@@ -366,38 +445,3 @@ def _length(model: pin.Model, tip: pin.Frame, limits: tuple[np.ndarray, np.ndarr
     most = links if links > 1e-12 else 1.0
     length = links + sum(min(each, most) for each in ranges)
     return length if length > 1e-12 else 1.0
-
-
-def _for_pinocchio(root: Element) -> str:
-    """The normalised URDF as Pinocchio needs it.
-
-    Pinocchio makes a continuous joint a pair (cos, sin), so it becomes revolute here. It visits the joints under a link
-    in the order of their names, so they are named by their order. Shapes are left out, and so are masses that it could
-    not read.
-    """
-    for link in root.findall("link"):
-        for part in list(link):
-            if part.tag != "inertial" or not _is_readable(part):
-                link.remove(part)
-    ranks = {joint.attrib["name"]: f"{rank:06d}" for rank, joint in enumerate(root.findall("joint"))}
-    for joint in root.findall("joint"):
-        joint.set("name", ranks[joint.attrib["name"]])
-        for mimic in joint.findall("mimic"):
-            mimic.set("joint", ranks[mimic.attrib["joint"]])
-        if joint.get("type") == "continuous":
-            joint.set("type", "revolute")
-            for limit in joint.findall("limit"):
-                limit.attrib |= {"lower": "-1", "upper": "1"}  # any: the true ones are set on the model
-    return ElementTree.tostring(root, encoding="unicode")
-
-
-def _is_readable(inertial: Element) -> bool:
-    """Whether a mass and an inertia tensor are there, and all of their numbers are finite."""
-    mass, inertia = inertial.find("mass"), inertial.find("inertia")
-    if mass is None or inertia is None or not {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"} <= set(inertia.attrib):
-        return False
-    try:
-        words = [word for part in inertial for text in part.attrib.values() for word in text.split()]
-        return "value" in mass.attrib and all(math.isfinite(float(word)) for word in words)
-    except ValueError:
-        return False

@@ -11,14 +11,13 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from maira_qp.errors import RobotError, listed
+from maira_qp.robots.model.joint_limits import ENDLESS
 
 MOVING = ("revolute", "continuous", "prismatic")
 KINDS = (*MOVING, "fixed", "floating", "planar")
 
 LARGEST = 1e9
 """Largest length [m], angle [rad] and mimic multiplier that is read: beyond it a double has no micrometre left."""
-ENDLESS = 1e16
-"""Limits beyond it are none: a double steps by more than a radian, or a metre, there. Files write 1.797e308."""
 MAX_FLOAT = sys.float_info.max
 
 

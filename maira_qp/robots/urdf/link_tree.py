@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from maira_qp.errors import FrameError, RobotError, listed, shown
+from maira_qp.errors import FrameError, RobotError, listed
+from maira_qp.robots.model.frame_names import known_frame, named_tips
 
 MAX_DEPTH = 500
 """Longest chain of links that is accepted: Pinocchio recurses along it, and 5,000 links crash it."""
@@ -90,9 +91,7 @@ class LinkTree:
 
     def known(self, link: str, role: str) -> str:
         """The name itself if it is a link's. Raises `FrameError` that names the role, `tip` or `base`."""
-        if not isinstance(link, str) or link not in self.beneath:
-            raise FrameError(f"the {role} {shown(link)} is not a link of this robot; {listed(self.links, link)}")
-        return link
+        return known_frame(link, role, self.links)
 
     def leaves(self, base: str) -> list[str]:
         """The links under the base that carry nothing."""
@@ -109,15 +108,7 @@ class LinkTree:
             if len(leaves) > 1:
                 raise self._choice(base)
             return (leaves[0],)
-        if not isinstance(tip, (list, tuple)):
-            return (self.known(tip, "tip"),)  # type: ignore[arg-type]
-        if not tip:
-            raise FrameError(f"the list of tips is empty; {listed(self.leaves(base))}")
-        tips = tuple(self.known(each, "tip") for each in tip)
-        for i, name in enumerate(tips):
-            if name in tips[:i]:
-                raise FrameError(f"the tip {name!r} is named twice in {list(tips)}")
-        return tips
+        return named_tips(tip, self.links, self.leaves(base))
 
     def _choice(self, base: str) -> FrameError:
         """The error that says which tip to choose: those named as tools first, then those behind most moving joints."""

@@ -18,10 +18,10 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from maira_qp.arrays import real_array
-from maira_qp.errors import OptionError, RobotError, listed, shown
+from maira_qp.errors import RobotError, listed
+from maira_qp.robots.model.joint_limits import Limits, given_limits
+from maira_qp.robots.model.kinematics import MAX_JOINTS
 from maira_qp.robots.urdf.joint import (
-    ENDLESS,
     MOVING,
     Joint,
     ends_of,
@@ -41,8 +41,6 @@ log = logging.getLogger(__name__)
 
 ROUNDING = 1e-9
 """A follower that takes less than this [rad, or m] off the limits of its leader has limits that were rounded."""
-MAX_JOINTS = 100
-"""Most joints that may move: Pinocchio's working memory grows with their cube, to 1.4 GB at 300."""
 
 
 @dataclass(frozen=True)
@@ -77,9 +75,6 @@ class Chain:
         return self.tips[0]
 
 
-Limits = Mapping[str, tuple[float, float]]
-
-
 def read_urdf(
     source: str | os.PathLike[str],
     tip: str | Sequence[str] | None = None,
@@ -106,7 +101,8 @@ def read_urdf(
     paths = {tip: [edge.joint for edge in tree.path(base, tip)] for tip in tips}
     path = list(dict.fromkeys(joint for each in paths.values() for joint in each))
     _check_names([base, *tips, *path])
-    joints = _Joints(elements, _given(limits, elements))
+    given = given_limits(limits, [name for name, element in elements.items() if element.get("type") in MOVING])
+    joints = _Joints(elements, given)
     moving = _moving_joints(joints, path)
     _check_tips(paths, moving)
     order = [edge.joint for edge in tree.below(base, first=visiting_order(tree, moving, path, base))]
@@ -173,22 +169,6 @@ def _named(root: Element, tag: str) -> dict[str, Element]:
 
 def _edge(element: Element) -> Edge:
     return Edge(element.attrib["name"], *ends_of(element), element.get("type") in MOVING)
-
-
-def _given(limits: Limits | None, elements: Mapping[str, Element]) -> dict[str, tuple[float, float]]:
-    """The limits given at load, checked. Raises `OptionError`."""
-    if not isinstance(limits, (Mapping, type(None))):
-        raise OptionError(f"limits must be a mapping {{joint name: (lower, upper)}}, got {shown(limits)}")
-    known = [name for name, element in elements.items() if element.get("type") in MOVING]
-    given = {}
-    for name, pair in (limits or {}).items():
-        if name not in known:
-            raise OptionError(f"limits: {shown(name)} is not a joint that moves; {listed(known, name)}")
-        lower, upper = real_array(pair, (2,), f"the limits of joint {name!r}", OptionError).tolist()
-        if not -ENDLESS <= lower <= upper <= ENDLESS:
-            raise OptionError(f"the limits of joint {name!r} are inverted or too large: ({lower:g}, {upper:g})")
-        given[name] = lower, upper
-    return given
 
 
 # What moves

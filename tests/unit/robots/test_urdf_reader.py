@@ -113,7 +113,7 @@ def test_only_the_chain_moves_and_the_rest_is_fixed_at_rest():
         "fl",
         "lc",
     }
-    T = mq.Robot(chain).forward([0, 0], "t")
+    T = mq.Robot.from_urdf(chain.urdf, tip=chain.tips, base=chain.base).forward([0, 0], "t")
     c, s = math.cos(0.5), math.sin(0.5)
     assert T.rotation == pytest.approx(np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), abs=1e-15)
     assert T.translation == pytest.approx([-0.25 * c, -0.25 * s, 6], abs=1e-15)
@@ -140,7 +140,7 @@ def test_bodies_stay_and_foreign_parts_go():
     assert "package://no/such.stl" in chain.urdf
     assert "gazebo" not in chain.urdf
     assert "transmission" not in chain.urdf
-    assert mq.Robot(chain).n == 2
+    assert mq.Robot.from_urdf(chain.urdf, tip=chain.tips, base=chain.base).n == 2
 
 
 def test_masses_that_make_no_sense_do_not_stop_kinematics(capfd):
@@ -266,7 +266,7 @@ def test_prefixes_that_the_root_declares_are_no_error_in_shapes():
         chain = read_urdf(declared)
         assert 'size="1 2 3"' in chain.urdf
         assert "my:" not in chain.urdf
-        assert mq.Robot(chain).limited(margin=0.1).n == 2
+        assert mq.Robot.from_urdf(chain.urdf, tip=chain.tips, base=chain.base).limited(margin=0.1).n == 2
 
 
 def test_a_relative_mesh_is_sought_beside_its_urdf(tmp_path, monkeypatch):

@@ -1,0 +1,330 @@
+"""The part of a Pinocchio model that a robot is: the joints between a base and its tips, each moved by one number.
+
+All other joints are fixed where they stand at zero, or at the limit nearest to it, as Pinocchio's `buildReducedModel`
+does; a continuous joint, in Pinocchio a pair (cos, sin), becomes one angle without limits. The model that is given is
+left as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from maira_qp.arrays import real_array
+from maira_qp.errors import FrameError, RobotError, listed, shown
+from maira_qp.robots.model.frame_names import known_frame, named_tips
+from maira_qp.robots.model.joint_limits import ENDLESS, JointLimits, Limits, given_limits
+from maira_qp.robots.model.joint_types import is_unbounded, one_number
+from maira_qp.robots.model.kinematics import MAX_JOINTS
+
+Couplings = Mapping[str, tuple[str, float, float]]
+"""Followers by name, each with its leader, multiplier and offset: q = multiplier * q_leader + offset."""
+
+UNIVERSE = "universe"
+"""Pinocchio's name of the frame that does not move."""
+_FRAMES = (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.SENSOR)
+_OF_VELOCITIES = (
+    *("armature", "damping", "rotorInertia", "rotorGearRatio", "lowerDryFrictionLimit", "upperDryFrictionLimit"),
+    *("lowerEffortLimit", "upperEffortLimit", "lowerVelocityLimit", "upperVelocityLimit"),
+)
+
+
+class Reduced(NamedTuple):
+    """What is left of a model between a base and its tips."""
+
+    model: pin.Model
+    """Followers move on their own in it; see `coupled`."""
+    mimic: dict[str, tuple[str, float, float]]
+    base: str
+    tips: tuple[str, ...]
+
+    @property
+    def limits(self) -> JointLimits:
+        """Limits of the joints that are no followers; a model has none of acceleration."""
+        model, places = self.model, independent(self.model, self.mimic)
+        positions = model.lowerPositionLimit[places], model.upperPositionLimit[places]
+        names = tuple(model.names[place + 1] for place in places)
+        return JointLimits(names, *positions, model.velocityLimit[places], np.full(len(places), np.inf))
+
+
+def frames_of(model: pin.Model) -> dict[str, int]:
+    """Indices of the frames that have a name of their own: links, and what was added as a tool or a sensor.
+
+    Of two with one name it is the link.
+    """
+    named = [(_FRAMES.index(f.type), k, f.name) for k, f in enumerate(model.frames) if f.type in _FRAMES]
+    found = dict[str, int]()
+    for _, index, name in sorted(named):
+        found.setdefault(name, index)
+    return dict(sorted(found.items(), key=lambda item: item[1]))
+
+
+def reduced(
+    model: pin.Model,
+    tip: str | Sequence[str] | None = None,
+    base: str | None = None,
+    limits: Limits | None = None,
+    mimic: Couplings | None = None,
+) -> Reduced:
+    """The joints from `base` (None: the universe) to `tip` (None: the only frame at the end of the joints).
+
+    `limits` {joint name: (lower, upper)} take the place of the model's, `mimic` couples joints beside those that are
+    coupled in the model. Raises `RobotError`, `FrameError`, `OptionError` as `Robot.from_model`.
+    """
+    if not isinstance(model, pin.Model):
+        raise RobotError(f"model must be a pinocchio.Model, got {shown(model)}; a URDF goes to Robot.from_urdf")
+    model = _with_frames(model)
+    frames = frames_of(model)
+    base = (_link_at_origin(model) or UNIVERSE) if base is None else known_frame(base, "base", {**frames, UNIVERSE: 0})
+    root = model.frames[frames.get(base, 0)]
+    below = {*model.subtrees[root.parentJoint], root.parentJoint}
+    ends = _ends_of(model, frames, below)
+    tips = named_tips(tip, frames, ends) if tip is not None or len(ends) != 1 else (ends[0],)
+    couplings = _couplings(model, mimic)
+    paths = {name: _path(model, frames[name], root.parentJoint, base, name) for name in tips}
+    moving = _moving(model, paths, couplings, below - {root.parentJoint})
+    kinds = {j: one_number(model, j) for j in sorted(moving)}
+    ranges = _ranges(model, {j: kind for j, kind in kinds.items() if j not in couplings}, limits)
+    rest = None if moving == below - {root.parentJoint} else _at_rest(model, couplings)
+    new = _built(model, root, sorted(below), kinds, rest, {})
+    pairs = [ranges.get(name, (-np.inf, np.inf)) for name in new.names[1:]]
+    new.lowerPositionLimit, new.upperPositionLimit = np.transpose(pairs)
+    for key in ("velocityLimit", "effortLimit"):
+        setattr(new, key, _bounds(new, key))
+    _check_finite(new)
+    kept = {model.names[j]: (model.names[couplings[j][0]], *couplings[j][1:]) for j in kinds if j in couplings}
+    return Reduced(new, kept, base, tips)
+
+
+def coupled(model: pin.Model, mimic: Couplings) -> pin.Model:
+    """The model with followers that follow: the same one where there are none."""
+    if not mimic:
+        return model
+    ids = {model.getJointId(name): (model.getJointId(mimic[name][0]), *mimic[name][1:]) for name in mimic}
+    kinds = {j: model.joints[j] for j in range(1, model.njoints)}
+    new = _built(model, model.frames[0], [0, *kinds], kinds, None, ids)
+    free = independent(model, mimic)
+    new.lowerPositionLimit, new.upperPositionLimit = model.lowerPositionLimit[free], model.upperPositionLimit[free]
+    return new
+
+
+def independent(model: pin.Model, mimic: Couplings) -> list[int]:
+    """Places in q of the joints of an uncoupled model that are no followers."""
+    return [j - 1 for j in range(1, model.njoints) if model.names[j] not in mimic]
+
+
+# Frames
+
+
+def _link_at_origin(model: pin.Model) -> str | None:
+    """The first link that stands where the universe is."""
+    here = (f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == 0)
+    return next((f.name for f in here if f.placement == pin.SE3.Identity()), None)
+
+
+def _with_frames(model: pin.Model) -> pin.Model:
+    """A copy in which every joint carries a frame that can be named, a link with the joint's name if need be."""
+    model = model.copy()
+    carrying = {model.frames[index].parentJoint for index in frames_of(model).values()}
+    for joint in range(1, model.njoints):
+        if joint not in carrying:
+            model.addFrame(pin.Frame(model.names[joint], joint, 0, pin.SE3.Identity(), pin.FrameType.BODY))
+    return model
+
+
+def _ends_of(model: pin.Model, frames: Mapping[str, int], below: set[int]) -> list[str]:
+    """The frames on the last joints, but those that carry another of these."""
+    last = [j for j in below if j and len(model.subtrees[j]) == 1]
+    on_them = {index: name for name, index in frames.items() if model.frames[index].parentJoint in last}
+    carriers = set[int]()
+    for index in on_them:
+        while (index := model.frames[index].parentFrame) not in carriers and index:
+            carriers.add(index)
+    return [name for index, name in on_them.items() if index not in carriers]
+
+
+# What moves
+
+
+def _path(model: pin.Model, frame: int, root: int, base: str, tip: str) -> list[int]:
+    """The joints between the one that carries the base and a frame. Raises `FrameError` if it does not carry it."""
+    path = list(model.supports[model.frames[frame].parentJoint])
+    if root not in path:
+        raise FrameError(
+            f"the tip {tip!r} does not hang on the base {base!r}; from_model does not turn a tree round, from_urdf does"
+        )
+    return path[path.index(root) + 1 :]
+
+
+def _couplings(model: pin.Model, mimic: Couplings | None) -> dict[int, tuple[int, float, float]]:
+    """Leader, multiplier and offset of followers, of the model and of those that are given. Raises `RobotError`."""
+    couplings = {}
+    for follower, leader in zip(model.mimicking_joints, model.mimicked_joints, strict=True):
+        joint = model.joints[follower].extract()
+        couplings[follower] = leader, float(joint.scaling), float(joint.offset)
+    if not isinstance(mimic, (Mapping, type(None))):
+        raise RobotError(f"mimic must be a mapping {{follower: (leader, multiplier, offset)}}, got {shown(mimic)}")
+    known = list(model.names)[1:]
+    for follower, coupling in (mimic or {}).items():
+        if not isinstance(coupling, (tuple, list)) or len(coupling) != 3:
+            raise RobotError(f"mimic of {shown(follower)} must be (leader, multiplier, offset), got {shown(coupling)}")
+        for name in (follower, coupling[0]):
+            if not isinstance(name, str) or name not in known:
+                raise RobotError(f"mimic: {shown(name)} is not a joint; {listed(known, name)}")
+        numbers = real_array(coupling[1:], (2,), f"multiplier and offset of {follower!r}", RobotError).tolist()
+        couplings[model.getJointId(follower)] = (model.getJointId(coupling[0]), *numbers)
+    for follower, (leader, _, _) in couplings.items():
+        if leader in couplings or leader >= follower:
+            names = model.names[follower], model.names[leader]
+            raise RobotError("joint {!r} mimics {!r}, which must move on its own and come before it".format(*names))
+    return couplings
+
+
+def _moving(
+    model: pin.Model,
+    paths: Mapping[str, list[int]],
+    couplings: Mapping[int, tuple[int, float, float]],
+    below: set[int],
+) -> set[int]:
+    """The joints that move: those on the paths, and the leaders of followers among them. Raises `RobotError`."""
+    still = {j for j, (_, multiplier, _) in couplings.items() if multiplier == 0}
+    moving = {j for path in paths.values() for j in path} - still
+    for tip, path in paths.items():
+        if not moving.intersection(path):
+            raise RobotError(f"no joint moves between base and tip {tip!r}")
+    for follower in moving.intersection(couplings):
+        leader = couplings[follower][0]
+        if leader not in below:
+            names = model.names[follower], model.names[leader]
+            raise RobotError("joint {!r} mimics {!r}, which the base stands on".format(*names))
+        moving.add(leader)
+    count = len(moving.difference(couplings))
+    if count > MAX_JOINTS:
+        raise RobotError(f"{count} joints move between base and tip, more than the {MAX_JOINTS} that are supported")
+    names = [model.names[j] for j in moving]
+    if "" in names or len(set(names)) < len(names):
+        raise RobotError(f"the joints that move need names that differ, got {', '.join(map(repr, sorted(names)))}")
+    return moving
+
+
+def _ranges(
+    model: pin.Model, kinds: Mapping[int, pin.JointModel], limits: Limits | None
+) -> dict[str, tuple[float, float]]:
+    """Lower and upper limit of joints by name, infinite where a revolute joint has none. Raises `RobotError`."""
+    given = given_limits(limits, [model.names[j] for j in kinds])
+    ranges = {}
+    for j, kind in kinds.items():
+        name = model.names[j]
+        lower, upper = given.get(name) or _range(model, j)
+        python = f"give it some, limits={{{name!r}: (lower, upper)}}"
+        if not lower <= upper:
+            raise RobotError(f"joint {name!r} has inverted limits, or NaN: {lower:g} and {upper:g}", python=python)
+        is_endless = lower == -np.inf and upper == np.inf and kind.shortname().startswith("JointModelR")
+        if not (is_endless or np.isfinite(upper - lower)):
+            raise RobotError(f"joint {name!r} has no lower and upper limit: {lower:g} and {upper:g}", python=python)
+        ranges[name] = lower, upper
+    return ranges
+
+
+def _range(model: pin.Model, joint: int) -> tuple[float, float]:
+    """Limits of a joint that one number moves [rad, or m], infinite beyond `ENDLESS`."""
+    if is_unbounded(model.joints[joint]):
+        return -np.inf, np.inf
+    index = model.joints[joint].idx_q
+    lower, upper = float(model.lowerPositionLimit[index]), float(model.upperPositionLimit[index])
+    return -np.inf if lower < -ENDLESS else lower, np.inf if upper > ENDLESS else upper
+
+
+def _bounds(model: pin.Model, key: str) -> np.ndarray:
+    """Velocity or effort limits (n,): inf where one is missing or not positive. Raises `RobotError` for NaN."""
+    values = np.array(getattr(model, key))
+    for j in np.flatnonzero(np.isnan(values)):
+        raise RobotError(f"joint {model.names[int(j) + 1]!r}: its {key} is NaN")
+    return np.where((values > 0) & (values <= ENDLESS), values, np.inf)
+
+
+def _at_rest(model: pin.Model, couplings: Mapping[int, tuple[int, float, float]]) -> pin.Data:
+    """Pinocchio's data in which `liMi` places the joints that do not move."""
+    q = pin.neutral(model)
+    scalar = [j for j in range(1, model.njoints) if model.joints[j].nq == 1]
+    for j in scalar:
+        lower, upper = _range(model, j)
+        q[model.joints[j].idx_q] = min(max(0.0, lower), upper) if lower <= upper else 0.0
+    for j, (leader, multiplier, offset) in couplings.items():
+        if j in scalar:  # mimic joints of Pinocchio follow by themselves
+            rest = float(q[model.joints[leader].idx_q]) if leader in scalar else 0.0
+            q[model.joints[j].idx_q] = multiplier * rest + offset
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    return data
+
+
+# The new model
+
+
+def _built(
+    model: pin.Model,
+    root: pin.Frame,
+    joints: Sequence[int],
+    kinds: Mapping[int, pin.JointModel],
+    rest: pin.Data | None,
+    couplings: Mapping[int, tuple[int, float, float]],
+) -> pin.Model:
+    """A model of some joints, the first of which carries the frame `root` that becomes the origin.
+
+    Those in `kinds` move, the others stand as `rest` has them; `couplings` make joints follow others. Limits of
+    position are left to the caller.
+    """
+    new = pin.Model()
+    new.name, new.gravity = model.name, model.gravity
+    carriers = {joints[0]: (0, root.placement.inverse())}
+    for j in joints[1:]:
+        parent, placement = carriers[model.parents[j]]
+        if j not in kinds:
+            assert rest is not None
+            carriers[j] = parent, placement * rest.liMi[j]
+            continue
+        kind = kinds[j] if j not in couplings else _follower(kinds[j], new, carriers, couplings[j])
+        index = new.addJoint(parent, kind, placement * model.jointPlacements[j], model.names[j])
+        carriers[j] = index, pin.SE3.Identity()
+    for j, (parent, placement) in carriers.items():
+        new.appendBodyToJoint(parent, model.inertias[j], placement)
+    places = [model.joints[j].idx_v for j in joints[1:] if j in kinds and j not in couplings]
+    for key in _OF_VELOCITIES:
+        setattr(new, key, np.array(getattr(model, key))[places])
+    indices = {0: 0}
+    for index, frame in enumerate(model.frames):
+        if index > 0 and frame.parentJoint in carriers:
+            parent, placement = carriers[frame.parentJoint]
+            is_fixed = frame.type == pin.FrameType.JOINT and frame.parentJoint not in kinds
+            kind = pin.FrameType.FIXED_JOINT if is_fixed else frame.type
+            above = indices.get(frame.parentFrame, 0)
+            made = pin.Frame(frame.name, parent, above, placement * frame.placement, kind, frame.inertia)
+            indices[index] = new.addFrame(made, False)
+    return new
+
+
+def _follower(
+    kind: pin.JointModel,
+    model: pin.Model,
+    carriers: Mapping[int, tuple[int, Any]],
+    coupling: tuple[int, float, float],
+) -> pin.JointModel:
+    """A joint that follows the leader that stands in a model already."""
+    leader, multiplier, offset = coupling
+    leads = model.joints[carriers[leader][0]]
+    follower = pin.JointModel(kind)
+    follower.setIndexes(leads.id, leads.idx_q, leads.idx_v, leads.idx_vExtended)
+    return pin.JointModelMimic(follower, multiplier, offset)
+
+
+def _check_finite(model: pin.Model) -> None:
+    """Raises `RobotError` for a joint or frame that stands nowhere."""
+    placements = [(f"joint {model.names[j]!r}", model.jointPlacements[j]) for j in range(1, model.njoints)]
+    placements += [(f"frame {frame.name!r}", frame.placement) for frame in model.frames]
+    for what, placement in placements:
+        if not np.isfinite(placement.homogeneous).all():
+            raise RobotError(f"the placement of {what} is not finite")
