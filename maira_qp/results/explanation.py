@@ -170,9 +170,12 @@ def _reasons(why: Explanation) -> Iterator[str]:
     else:
         yield f"The answer is {_off(why)} away from the target; the budget was spent before a nearest point was found."
     if why.status is Status.CONVERGED or why.is_compromise:
+        free = [limit.name for limit in why.limits if not limit.multiplier > 0]
+        if free:
+            yield f"It stands on {' and '.join(free)}."
         for limit in why.limits:
-            cost = f", which costs {limit.multiplier:.3g} per {limit.unit}" if limit.multiplier > 0 else ""
-            yield f"It stands on {limit.name}{cost}."
+            if limit.multiplier > 0:
+                yield f"It stands on {limit.name}, which costs {limit.multiplier:.3g} per {limit.unit}."
         for pair in why.pairs:
             cost = f", which costs {pair.multiplier:.3g} per m" if pair.multiplier > 0 else ""
             yield f"{_apart(pair)}{cost}."

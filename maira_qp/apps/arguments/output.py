@@ -77,10 +77,14 @@ class Angles:
         self.one = 180.0 / math.pi if degrees else 1.0
         """One radian in the unit."""
         self.units = ["m" if slides else self.unit for slides in robot.slides]
+        self._names = robot.joint_names
         self._scale = np.where(robot.slides, 1.0, self.one)
 
     def read(self, values: Any) -> np.ndarray:
         """Joint values (n,) as given, in rad and m. Raises `ConfigurationError` if they are not n finite numbers."""
+        if len(values) != len(self._names):
+            names = ", ".join(self._names)
+            raise ConfigurationError(f"give {len(self._names)} joint values, not {len(values)}: those of {names}")
         return real_array(values, self._scale.shape, "the joint values", ConfigurationError) / self._scale
 
     def write(self, q: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ import numpy as np
 import tyro
 
 from maira_qp.apps.arguments.numbers import Position, Quaternion, Rpy
+from maira_qp.arrays import real_array
 from maira_qp.errors import PoseError
 from maira_qp.regular_files import read_regular
 
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
     import pinocchio as pin
 
     from maira_qp.apps.arguments.output import Angles
+
+log = logging.getLogger(__name__)
 
 MAX_BYTES = 2**20
 """Largest file of a matrix that is read [bytes]."""
@@ -52,12 +56,20 @@ class PoseChoice:
         names = ("position", "quaternion", "rpy", "matrix")
         return [f"--{name}" for name in names if getattr(self, name) is not None]
 
-    def load(self, angles: Angles, others: str = "") -> pin.SE3:
-        """The wanted pose; `others` are other ways to give it, for the message.
+    def hint(self, angles: Angles) -> str:
+        """What to say if --rpy looks like degrees and is read as radians; else empty."""
+        from maira_qp.robots.unit_hints import degrees_hint_of_angles
+
+        hint = "" if self.rpy is None or angles.unit == "deg" else degrees_hint_of_angles(self.rpy, "--rpy")
+        return f"{hint} (--deg)" if hint else ""
+
+    def load(self, angles: Angles, others: str = "", *, log_hint: bool = True) -> pin.SE3:
+        """The wanted pose; `others` are other ways to give it, for the message; `log_hint`: log `hint`.
 
         Raises `PoseError` if it is not given, or given twice.
         """
         from maira_qp.problem.pose import pose
+        from maira_qp.robots.urdf.rpy import matrix_from_rpy
 
         matrix = None if self.matrix is None else read_matrix(self.matrix)
         whole = matrix is not None and matrix.shape == (4, 4)
@@ -65,10 +77,15 @@ class PoseChoice:
             raise PoseError(f"where to? give --position X Y Z, or --matrix FILE with a 4x4 pose{others}")
         if self.position is not None and whole:
             raise PoseError("--position and a 4x4 --matrix both give a position; leave one out")
+        rpy = None if self.rpy is None else real_array(self.rpy, (3,), "--rpy", PoseError) / angles.one
+        if rpy is not None and matrix is None and self.quaternion is None:
+            matrix, rpy = matrix_from_rpy(rpy), None  # `pose` would take large angles in degrees for a mistake
+            if log_hint and self.hint(angles):
+                log.warning(self.hint(angles))
         return pose(
             (0.0, 0.0, 0.0) if self.position is None else self.position,
             quaternion=self.quaternion,
-            rpy=None if self.rpy is None else np.array(self.rpy) / angles.one,
+            rpy=rpy,
             matrix=matrix,
             project=self.project,
         )

@@ -79,7 +79,6 @@ class Solve:
     def run(self) -> int:
         """Prints the solution, or the summary of a batch; the exit code as the class says."""
         from maira_qp.apps.arguments.output import VERDICTS, Angles, print_json
-        from maira_qp.robots.unit_hints import degrees_hint_of_angles
         from maira_qp.solvers.solver import Solver
 
         self._check_flags()
@@ -88,7 +87,8 @@ class Solve:
         robot = self.choice.load()
         angles = Angles(robot, self.deg)
         q0 = None if self.q0 is None else angles.read(self.q0)
-        target = self.pose.load(angles, ", or --batch FILE with many") if self.batch is None else None
+        others = ", or --batch FILE with many"
+        target = self.pose.load(angles, others, log_hint=self.all) if self.batch is None else None
         solver = Solver(robot, redundancy=redundancy, backend=self.backend, options=self.options)
         if self.batch is not None:
             from maira_qp.apps.commands.batch import Batch
@@ -111,8 +111,8 @@ class Solve:
                     _show_all(robot, angles, solutions)
             return 0 if solutions else 1
         solution = replace(solver.solve(target, q0=q0, rng=seed), target_deviation=self.pose.deviation)
-        rpy = "" if self.pose.rpy is None or self.deg else degrees_hint_of_angles(self.pose.rpy, "--rpy")
-        hints = [f"{hint} (--deg)" if "degrees" in hint else hint for hint in (rpy, *solution.hints) if hint]
+        hints = [self.pose.hint(angles)] if self.pose.hint(angles) else []
+        hints += [f"{hint} (--deg)" if "degrees" in hint else hint for hint in solution.hints]
         with reader_may_leave():
             if self.json:
                 print_json(_as_json(robot, angles, solution) | {"hints": hints})

@@ -541,7 +541,7 @@ def test_flags_that_make_no_sense_together(run, tmp_path):
     assert "--matrix" in misuse(run(path, "--matrix", "pose.txt"))
     assert "--quaternion" in misuse(run(path, "--quaternion", 1, 0, 0, 0))
     assert "threads" in misuse(run(path, "--threads", 0))
-    assert "(7,)" in misuse(run(path, "--q0", 1, 2))
+    assert "give 7 joint values" in misuse(run(path, "--q0", 1, 2))
 
 
 @pytest.mark.parametrize("flags", [("--threads", "2"), ("--output", "answers.csv")])

@@ -109,8 +109,8 @@ def test_misuse_is_2_with_one_line(run, tmp_path):
         ((*at, "--quaternion", 1, 1, 0, 0), "norm"),
         ((*at, "--quaternion", 1, 0, 0, 0, "--rpy", 0, 0, 0), "quaternion and rpy"),
         (("solve", "--position", "nan", 0, 0), "finite"),
-        ((*at, "--q0", 1, 2, 3), "(7,)"),
-        ((*at, "--q0"), "(7,)"),
+        ((*at, "--q0", 1, 2, 3), "give 7 joint values"),
+        ((*at, "--q0"), "give 7 joint values"),
         ((*at, "--backend", "nope"), "daqp"),
         ((*at, "--weight", 1e-3), "--redundancy weighted"),
         ((*at, "--redundancy", "weighted", "--weight", -1), "positive"),
@@ -125,7 +125,7 @@ def test_misuse_is_2_with_one_line(run, tmp_path):
         (("solve", "--matrix", tmp_path / "words.txt"), "words.txt"),
         (("solve", "--matrix", tmp_path / "stretched.txt"), "not orthonormal"),
         ((*at, "--matrix", tmp_path / "stretched.txt"), "--position"),
-        (("fk", 1, 2), "(7,)"),
+        (("fk", 1, 2), "give 7 joint values"),
         (("fk", "inf", 0, 0, 0, 0, 0, 0), "finite"),
         (("urdf", "--output", tmp_path / "words.txt" / "x"), "words.txt"),
         (("bench", "--targets", 0), "targets"),
@@ -287,7 +287,7 @@ def test_all_solutions_can_be_read_at_80_columns(run, monkeypatch, robot):
     assert f"{'joint' if robot == 'maira' else 'panda_joint'}7 " in out
 
 
-def test_what_looks_like_degrees_or_millimetres_is_hinted_at(run, tmp_path):
+def test_what_looks_like_degrees_or_millimetres_is_hinted_at(run, tmp_path, caplog):
     at = ("solve", "--position", 0.4, 0.2, 0.9)
     for arguments, words in (
         ((*at, "--rpy", 0, 90, 0), "--rpy holds 90 rad"),
@@ -297,6 +297,10 @@ def test_what_looks_like_degrees_or_millimetres_is_hinted_at(run, tmp_path):
     ):
         assert words in " ".join(run(*arguments)[1].split("hint: ")[1].split())
         assert words in strict_json(run(*arguments, "--json")[1])["hints"][0]
+    run(*at, "--rpy", 0, 370, 0, "--deg")
+    assert "is it in degrees?" not in caplog.text  # nor twice, in the answer and in the log
+    run(*at, "--rpy", 0, 90, 0, "--all")
+    assert "--rpy holds 90 rad" in caplog.text
     for arguments in ((*at, "--rpy", 0, 90, 0, "--deg"), at, ("fk", 0, 1, 0, 1, 0, 1, 0)):
         assert "hint" not in run(*arguments)[1]
     file = tmp_path / "poses.csv"
@@ -304,6 +308,13 @@ def test_what_looks_like_degrees_or_millimetres_is_hinted_at(run, tmp_path):
     hints = " ".join(strict_json(run("solve", "--batch", file, "--json")[1])["hints"])
     assert "millimetres" in hints
     assert "roll, pitch, yaw holds 90 rad" in hints
+
+
+@pytest.mark.parametrize("arguments", [("fk", 0, 10), ("solve", "--position", 0.4, 0.2, 0.9, "--q0", 0, 10)])
+def test_joint_values_that_are_missing_are_counted_and_named(run, arguments):
+    code, _, err = run(*arguments)
+    assert code == 2
+    assert "give 7 joint values, not 2: those of joint1, joint2, joint3," in err
 
 
 POSE = ("--position", 0.5, 0.2, 0.6, "--rpy", 10, 140, 20, "--deg")

@@ -189,3 +189,11 @@ def test_a_target_in_millimetres_and_a_start_in_degrees_are_hinted_at(maira):
         solver.solve(mq.pose([4, 0, 0])),
     ):
         assert given.hints == ()
+
+
+def test_limits_that_cost_nothing_are_named_in_one_sentence(maira):
+    """A start far beyond two limits is moved onto them; the answer stays on those that the pose leaves free."""
+    q = maira.middle + 0.3
+    q[[2, 4]] = maira.upper[[2, 4]]
+    s = mq.Solver(maira).solve(maira.forward(q), q0=q)
+    assert str(s.explain()) == "The target is reached. It stands on joint3 upper and joint5 upper."
