@@ -18,7 +18,7 @@ import maira_qp as mq
 from maira_qp.evaluation.report import table_of
 from maira_qp.evaluation.runner import judge_of
 from maira_qp.evaluation.targets import TargetSource
-from maira_qp.kernels.search.multi_start import OUTCOME, SUCCESS
+from maira_qp.kernels.layout import Outcome
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.closed_form import reach_in_closed_form
 from maira_qp.solvers.compiled.engine import Compiled
@@ -71,9 +71,9 @@ def closed_form(engine: Compiled) -> Callable[[np.ndarray], np.ndarray]:
     """Which of targets (N, 12) are reached in closed form (N,)."""
 
     def method(rows: np.ndarray) -> np.ndarray:
-        q, outcome = np.empty((len(rows), 7)), np.empty((len(rows), OUTCOME))
+        q, outcome = np.empty((len(rows), 7)), np.empty((len(rows), Outcome.WIDTH))
         reach_in_closed_form(engine, Batch(rows, NO_STARTS, np.zeros(len(rows), np.uint64), False), q, outcome)
-        return outcome[:, SUCCESS] > 0
+        return outcome[:, Outcome.SUCCESS] > 0
 
     return method
 
@@ -82,9 +82,9 @@ def multi_start(engine: Compiled) -> Callable[[np.ndarray], np.ndarray]:
     """Which of targets (N, 12) are reached by the search (N,)."""
 
     def method(rows: np.ndarray) -> np.ndarray:
-        q, outcome, last = np.empty((len(rows), 7)), np.empty((len(rows), OUTCOME)), engine.last_attempt
+        q, outcome, last = np.empty((len(rows), 7)), np.empty((len(rows), Outcome.WIDTH)), engine.last_attempt
         attempts(engine, Batch(rows, NO_STARTS, np.zeros(len(rows), np.uint64), False), 0, last, q, outcome)
-        return outcome[:, SUCCESS] > 0
+        return outcome[:, Outcome.SUCCESS] > 0
 
     return method
 

@@ -18,7 +18,7 @@ from maira_qp.analytic.srs.geometry import SRS
 from maira_qp.evaluation.report import table_of
 from maira_qp.evaluation.runner import judge_of
 from maira_qp.evaluation.targets import TargetSource
-from maira_qp.kernels.search.multi_start import OUTCOME, SUCCESS
+from maira_qp.kernels.layout import Outcome
 from maira_qp.kernels.srs.swivel_intervals import FLOATS, INTEGERS, PIECES
 from maira_qp.kernels.srs.unreachability import POSSIBLE, verdicts
 from maira_qp.solvers.compiled.batch import Batch
@@ -73,9 +73,9 @@ def judged(robot: mq.Robot, rows: np.ndarray, options: mq.Options) -> tuple[np.n
 
 def reached(robot: mq.Robot, rows: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, int]:
     """Which targets are reached in closed form (N,), and how many of them the judge finds missed by 1e-9."""
-    engine, q, outcome = compiled(robot), np.empty((len(rows), robot.n)), np.empty((len(rows), OUTCOME))
+    engine, q, outcome = compiled(robot), np.empty((len(rows), robot.n)), np.empty((len(rows), Outcome.WIDTH))
     reach_in_closed_form(engine, Batch(rows, np.empty((0, 7)), np.zeros(len(rows), np.uint64), False), q, outcome)
-    found = outcome[:, SUCCESS] > 0
+    found = outcome[:, Outcome.SUCCESS] > 0
     right = judge_of(robot).verdict(q[found], poses[found]).within(1e-9, 1e-9)
     return found, int((~right).sum())
 

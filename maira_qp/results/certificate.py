@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from maira_qp.analytic.srs.unreachability import SwivelProof
-from maira_qp.kernels.certificates.branch_and_bound import JOINT, ORIENTATION
+from maira_qp.kernels.certificates.branch_and_bound import ORIENTATION
+from maira_qp.kernels.layout import Pivot
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,7 @@ class BoxProof:
             return "no joint values within the limits turn the tool so far"
         if pivot == len(self.pivots):
             return "the tool comes nowhere near it"
-        return f"it is too far from {self.joint_names[int(self.pivots[pivot, JOINT])]}, or too near to it"
+        return f"it is too far from {self.joint_names[int(self.pivots[pivot, Pivot.JOINT])]}, or too near to it"
 
 
 Proof = BoxProof | SwivelProof

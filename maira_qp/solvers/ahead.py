@@ -21,6 +21,7 @@ import numpy as np
 
 from maira_qp.analytic.srs.geometry import SRS
 from maira_qp.errors import CompilationError, OptionError, listed
+from maira_qp.kernels.layout import Outcome
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.targets import SEED_0, rows_of, streams
@@ -232,7 +233,6 @@ def _proofs() -> None:
 def _small() -> None:
     """What takes a second or less each."""
     from maira_qp.kernels.kinematics.unwrap import has_free_turn, unwind, unwind_free
-    from maira_qp.kernels.search.multi_start import SUCCESS
     from maira_qp.kernels.search.seeds import has_long_slides
 
     problem = _Problem(_six_axes("continuous"), Weighted(Posture(), weight=1e-3))
@@ -240,7 +240,7 @@ def _small() -> None:
     assert turns is not None
     for rows in (1, 2):  # a column of one row is contiguous, which makes it another type
         q, outcome = problem.q.repeat(rows, 0), problem.outcome.repeat(rows, 0)
-        unwind(problem.engine.chain, turns.aim[None], outcome[:, SUCCESS], q)
+        unwind(problem.engine.chain, turns.aim[None], outcome[:, Outcome.SUCCESS], q)
     posture, weights = problem.engine.redundancy[2:].reshape(2, -1)  # type: ignore[index]
     free = problem.engine.chain, turns.aim[None], posture, weights
     has_free_turn(*free, problem.q)

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from maira_qp.kernels.kinematics.unwrap import unwind
-from maira_qp.kernels.search.multi_start import FINAL_COST, SPENT, SUCCESS
+from maira_qp.kernels.layout import Outcome
 from maira_qp.problem.qp.costs import TaskCost
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.solvers.compiled.multi_start import descend, placed
@@ -44,11 +44,11 @@ def screen(
     robot, options = context.robot, context.options
     starts = np.array([context.random_start(rng) for _ in range(options.max_restarts + 1)])
     q, outcome = descend(engine, row, placed(engine, row, starts))
-    budget.iterations += int(outcome[:, SPENT].sum())
+    budget.iterations += int(outcome[:, Outcome.SPENT].sum())
     breaches = np.full(len(q), np.inf)
-    arrived = np.flatnonzero(outcome[:, SUCCESS] > 0.0)
+    arrived = np.flatnonzero(outcome[:, Outcome.SUCCESS] > 0.0)
     if start is not None:
-        unwind(engine.chain, start[None], outcome[:, SUCCESS], q)
+        unwind(engine.chain, start[None], outcome[:, Outcome.SUCCESS], q)
     rank = engine.wish(q[arrived]) if start is None else np.square(q[arrived] - start).sum(axis=1)
     for k in arrived[np.argsort(rank, kind="stable")]:
         at = robot.at(q[k])
@@ -59,7 +59,7 @@ def screen(
             break
     proved = not np.isfinite(breaches).any() and bool(engine.proofs.unreachable(row[None])[0])
     # where nothing reaches the pose: from where it is nearest
-    order = np.lexsort((outcome[:, FINAL_COST], breaches))
+    order = np.lexsort((outcome[:, Outcome.FINAL_COST], breaches))
     is_nearest = proved and not context.broken(robot.at(q[order[0]]))
     order = order[: 1 if is_nearest else DESCENTS]
     best: Descent | None = None

@@ -8,8 +8,9 @@ from numba import config
 
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES
-from maira_qp.kernels.search.levenberg_marquardt import STATE, Lanes
-from maira_qp.kernels.search.multi_start import OUTCOME, memory_sizes, search
+from maira_qp.kernels.layout import Descent, Outcome
+from maira_qp.kernels.search.levenberg_marquardt import Lanes
+from maira_qp.kernels.search.multi_start import memory_sizes, search
 from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.solvers.compiled.engine import Compiled
 from support.robots import load
@@ -78,7 +79,7 @@ def descents(n: int) -> Lanes:
     blocks = {"axes": (n, 3), "origins": (n, 3), "J": (n, 6), "H": (n, n), "A": (n, n)}
     arrays = {key: np.full((length, LANES), np.nan) for key, length in vectors.items()}
     arrays |= {key: np.full((*shape, LANES), np.nan) for key, shape in blocks.items()}
-    return Lanes(state=np.ones((STATE, LANES)), **arrays)
+    return Lanes(state=np.ones((Descent.WIDTH, LANES)), **arrays)
 
 
 def search_for(
@@ -96,7 +97,7 @@ def search_for(
     streams = np.arange(len(rows), dtype=np.uint64) if streams is None else streams
     sizes = memory_sizes(n, last - first + 1)
     floats, integers = memory or (np.full(sizes[0], np.nan), np.full(sizes[1], -(2**62)))
-    q, outcome = np.full((len(rows), n), np.nan), np.full((len(rows), OUTCOME), np.nan)
+    q, outcome = np.full((len(rows), n), np.nan), np.full((len(rows), Outcome.WIDTH), np.nan)
     search(
         problem.chain,
         problem.settings,

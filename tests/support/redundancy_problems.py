@@ -4,15 +4,8 @@ import numpy as np
 import pytest
 
 import maira_qp as mq
+from maira_qp.kernels.layout import Refinement
 from maira_qp.kernels.refinement.null_space_sqp import settle, trade_off_each
-from maira_qp.kernels.refinement.stabilized_sqp_simd import (
-    OBJECTIVE,
-    ORIENTATION_ERROR,
-    OUTCOME,
-    POSITION_ERROR,
-    PROJECTED_GRADIENT,
-    REACHED,
-)
 from maira_qp.problem.objectives import Objective
 from maira_qp.problem.qp.costs import TaskCost, WeightedCost
 from maira_qp.problem.qp.hierarchy import projected_gradient
@@ -59,7 +52,7 @@ class Problem:
 
     def settle_all(self, rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """q (N, n) and outcomes (N, 6) of the kernel for batches; inside the limits, what began there."""
-        q, outcome, arrays = starts.copy(), np.full((len(rows), OUTCOME), np.nan), self.arrays
+        q, outcome, arrays = starts.copy(), np.full((len(rows), Refinement.WIDTH), np.nan), self.arrays
         settle_by_weight(arrays, rows, self.reference, self.weights, self.weight, q, outcome)
         numbers = np.isfinite(starts).all(axis=1)
         assert (q[numbers] >= self.robot.lower).all()
@@ -93,14 +86,14 @@ class Problem:
         """The outcome by the reference engine: never a false optimum, and no optimum of Strict off the pose."""
         at, cost = self.robot.at(q), self.cost(row)
         position, orientation = cost.tasks[0].residual(at)
-        assert bool(outcome[REACHED]) == self.solver.engines.reference.reached(cost)(at)
-        assert outcome[POSITION_ERROR] == pytest.approx(position, abs=1e-13)
-        assert outcome[ORIENTATION_ERROR] == pytest.approx(orientation, abs=1e-13)
-        assert outcome[OBJECTIVE] == pytest.approx(self.objective.cost(at), rel=1e-12)
-        left, told = self.left(row, q), outcome[PROJECTED_GRADIENT]
+        assert bool(outcome[Refinement.REACHED]) == self.solver.engines.reference.reached(cost)(at)
+        assert outcome[Refinement.POSITION_ERROR] == pytest.approx(position, abs=1e-13)
+        assert outcome[Refinement.ORIENTATION_ERROR] == pytest.approx(orientation, abs=1e-13)
+        assert outcome[Refinement.OBJECTIVE] == pytest.approx(self.objective.cost(at), rel=1e-12)
+        left, told = self.left(row, q), outcome[Refinement.PROJECTED_GRADIENT]
         assert told == pytest.approx(left, rel=1e-3, abs=1e-8) or left <= told <= STATIONARY
-        if not self.weight and outcome[PROJECTED_GRADIENT] <= STATIONARY:
-            assert outcome[REACHED]
+        if not self.weight and outcome[Refinement.PROJECTED_GRADIENT] <= STATIONARY:
+            assert outcome[Refinement.REACHED]
 
 
 def reached_starts(robot: mq.Robot, rng, count: int, task=None) -> tuple[np.ndarray, np.ndarray]:

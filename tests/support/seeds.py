@@ -3,7 +3,8 @@
 import numpy as np
 
 from maira_qp.kernels.jit.simd import LANES
-from maira_qp.kernels.search.seeds import FEATURES, fill_library, find_nearest, random_start
+from maira_qp.kernels.layout import Feature
+from maira_qp.kernels.search.seeds import fill_library, find_nearest, random_start
 from maira_qp.solvers.compiled.engine import Compiled
 from support.compiled_problems import descents, row_of
 
@@ -25,7 +26,7 @@ def poses_of(problem: Compiled, q: np.ndarray) -> np.ndarray:
 
 def features_of(problem: Compiled, poses: np.ndarray) -> np.ndarray:
     """`fill_library` for poses (K, 12)."""
-    features = np.full((len(poses) // LANES, FEATURES, LANES), np.nan)
+    features = np.full((len(poses) // LANES, Feature.WIDTH, LANES), np.nan)
     fill_library(problem.settings, poses, features)
     return features
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.analytic.srs.geometry import SRS, SphericalJoint, rotations
+from maira_qp.kernels.layout import Axis, Elbow, Limit, Part, Range, Spherical
 from maira_qp.kernels.srs import spherical_joint as joint_row
-from maira_qp.kernels.srs import swivel as elbow_row
 from maira_qp.robots.model.revolutions import WholeTurns
 
 ROUNDING = 1e-11
@@ -20,10 +20,10 @@ def srs_array(srs: SRS) -> np.ndarray:
     """
     (lower, upper), turned = WholeTurns(srs.robot, srs.robot.middle).around(0), srs.tip[:3, :3].T
     elbow = _elbow_axes(srs).T
-    arm = np.zeros((3, joint_row.ROW))
-    arm[elbow_row.ELBOW] = _elbow(srs, elbow, lower[3], upper[3])
-    arm[elbow_row.SHOULDER] = _spherical(srs.axes[:3], lower[:3], upper[:3], np.eye(3), elbow)
-    arm[elbow_row.WRIST] = _spherical(-srs.axes[:3:-1], lower[:3:-1], upper[:3:-1], turned, elbow)
+    arm = np.zeros((3, Spherical.WIDTH))
+    arm[Part.ELBOW] = _elbow(srs, elbow, lower[3], upper[3])
+    arm[Part.SHOULDER] = _spherical(srs.axes[:3], lower[:3], upper[:3], np.eye(3), elbow)
+    arm[Part.WRIST] = _spherical(-srs.axes[:3:-1], lower[:3:-1], upper[:3:-1], turned, elbow)
     return arm
 
 
@@ -35,20 +35,20 @@ def _elbow_axes(srs: SRS) -> np.ndarray:
 
 def _elbow(srs: SRS, to_elbow: np.ndarray, lower: float, upper: float) -> np.ndarray:
     """The elbow's row from its limits [rad]; to_elbow (3, 3) turns base axes into the elbow's."""
-    row = np.zeros(joint_row.ROW)
+    row = np.zeros(Spherical.WIDTH)
     centre, half = _range(lower, upper)
     lever = srs.tip[:3, :3].T @ (srs.wrist - srs.tip[:3, 3])
-    row[elbow_row.CENTRE : elbow_row.LEVER] = srs.shoulder
-    row[elbow_row.LEVER : elbow_row.REFERENCE] = lever
-    row[elbow_row.REFERENCE : elbow_row.UPPER_ARM] = srs.reference
-    row[elbow_row.UPPER_ARM] = np.linalg.norm(srs.elbow - srs.shoulder)
-    row[elbow_row.FOREARM : elbow_row.SMALLEST] = to_elbow @ (srs.wrist - srs.elbow)
-    row[elbow_row.SMALLEST], row[elbow_row.LARGEST] = srs.reach
-    row[elbow_row.COS_PHASE], row[elbow_row.SIN_PHASE] = np.cos(srs.phase), np.sin(srs.phase)
-    row[elbow_row.COS_FROM_MIDDLE], row[elbow_row.SIN_FROM_MIDDLE] = _pair(srs.phase - centre)
-    row[elbow_row.MIDDLE], row[elbow_row.COS_HALF], row[elbow_row.SIN_HALF] = centre, _cosine(half), np.sin(half)
-    row[elbow_row.LOWER], row[elbow_row.UPPER] = lower, upper
-    row[elbow_row.LENGTH] = srs.robot.length
+    row[Elbow.CENTRE : Elbow.LEVER] = srs.shoulder
+    row[Elbow.LEVER : Elbow.REFERENCE] = lever
+    row[Elbow.REFERENCE : Elbow.UPPER_ARM] = srs.reference
+    row[Elbow.UPPER_ARM] = np.linalg.norm(srs.elbow - srs.shoulder)
+    row[Elbow.FOREARM : Elbow.SMALLEST] = to_elbow @ (srs.wrist - srs.elbow)
+    row[Elbow.SMALLEST], row[Elbow.LARGEST] = srs.reach
+    row[Elbow.COS_PHASE], row[Elbow.SIN_PHASE] = np.cos(srs.phase), np.sin(srs.phase)
+    row[Elbow.COS_FROM_MIDDLE], row[Elbow.SIN_FROM_MIDDLE] = _pair(srs.phase - centre)
+    row[Elbow.MIDDLE], row[Elbow.COS_HALF], row[Elbow.SIN_HALF] = centre, _cosine(half), np.sin(half)
+    row[Elbow.LOWER], row[Elbow.UPPER] = lower, upper
+    row[Elbow.LENGTH] = srs.robot.length
     return row
 
 
@@ -56,35 +56,35 @@ def _spherical(
     axes: np.ndarray, lower: np.ndarray, upper: np.ndarray, first_turn: np.ndarray, last_turn: np.ndarray
 ) -> np.ndarray:
     """A spherical joint's row from its axes (3, 3) and limits (3,); its two frames turned into axes of their own."""
-    row = np.zeros(joint_row.ROW)
+    row = np.zeros(Spherical.WIDTH)
     a, b, c = axes
     joint = SphericalJoint(a, b, c)
     ranges = [_range(*limits) for limits in zip(lower, upper, strict=True)]
     e, e_last = (_direction_across(b, a, ranges[0][0]), _direction_across(b, c, -ranges[2][0]))
     first, last = np.array([a, e, np.cross(a, e)]), np.array([c, e_last, np.cross(e_last, c)])
-    row[joint_row.FIRST_FRAME : joint_row.LAST_FRAME] = (first @ first_turn.T).ravel()
-    row[joint_row.LAST_FRAME : joint_row.COS_FIRST] = (last @ last_turn.T).ravel()
-    row[joint_row.COS_FIRST], row[joint_row.SIN_FIRST] = a @ b, np.linalg.norm(np.cross(a, b))
-    row[joint_row.COS_LAST], row[joint_row.SIN_LAST] = b @ c, np.linalg.norm(np.cross(b, c))
+    row[Spherical.FIRST_FRAME : Spherical.LAST_FRAME] = (first @ first_turn.T).ravel()
+    row[Spherical.LAST_FRAME : Spherical.COS_FIRST] = (last @ last_turn.T).ravel()
+    row[Spherical.COS_FIRST], row[Spherical.SIN_FIRST] = a @ b, np.linalg.norm(np.cross(a, b))
+    row[Spherical.COS_LAST], row[Spherical.SIN_LAST] = b @ c, np.linalg.norm(np.cross(b, c))
     delta, total = joint.angles
-    row[joint_row.NEAREST], row[joint_row.FARTHEST] = abs(delta), np.pi - abs(np.pi - total)
-    row[joint_row.COS_PHASE], row[joint_row.SIN_PHASE] = _pair(joint.phase - ranges[1][0])
+    row[Spherical.NEAREST], row[Spherical.FARTHEST] = abs(delta), np.pi - abs(np.pi - total)
+    row[Spherical.COS_PHASE], row[Spherical.SIN_PHASE] = _pair(joint.phase - ranges[1][0])
     for k, (centre, half) in enumerate(ranges):
-        at = joint_row.RANGES + k * joint_row.RANGE
-        row[at : at + joint_row.RANGE] = centre, _cosine(half), lower[k], upper[k]
+        at = Spherical.RANGES + k * Range.WIDTH
+        row[at : at + Range.WIDTH] = centre, _cosine(half), lower[k], upper[k]
         for side, sign in enumerate((-1, 1)):
-            at = joint_row.LIMITS + (2 * k + side) * joint_row.LIMIT
-            row[at : at + joint_row.LIMIT] = _limit(joint, row, k, centre, half, sign)
+            at = Spherical.LIMITS + (2 * k + side) * Limit.WIDTH
+            row[at : at + Limit.WIDTH] = _limit(joint, row, k, centre, half, sign)
     return row
 
 
 def _limit(joint: SphericalJoint, row: np.ndarray, k: int, centre: float, half: float, sign: int) -> tuple:
     """wz, wp, wr, value, sp, sr, s0 of the limit of joint k that is half a range beyond its middle on one side."""
-    if k == joint_row.MIDDLE:
+    if k == Axis.MIDDLE:
         from_phase = centre + sign * half - joint.phase
         return 1.0, 0.0, 0.0, joint.constant + joint.amplitude * np.cos(from_phase), 0.0, 0.0, -np.sin(from_phase)
-    own, other = joint_row.COS_FIRST, joint_row.COS_LAST
-    if k == joint_row.LAST:
+    own, other = Spherical.COS_FIRST, Spherical.COS_LAST
+    if k == Axis.LAST:
         own, other = other, own
     cosine, sine = _pair(sign * half)
     return row[own], row[own + 1] * cosine, row[own + 1] * sine, row[other], -sine, cosine, 0.0

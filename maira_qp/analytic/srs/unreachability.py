@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from maira_qp.analytic.srs.arrays import srs_array
 from maira_qp.analytic.srs.geometry import BRANCHES, SRS, Branch, checked_pose
+from maira_qp.kernels.layout import Arc
 from maira_qp.kernels.srs import swivel_intervals as blocked
 from maira_qp.kernels.srs import unreachability as verdict
 
@@ -127,7 +128,7 @@ def swivel_proof(
 
 def _intervals(rows: np.ndarray) -> list[Blocked]:
     """The intervals of one branch from what the kernel wrote, of which the first to end at pi or beyond is the last."""
-    last = int(np.argmax(rows[:, blocked.UPPER] >= np.pi))
+    last = int(np.argmax(rows[:, Arc.UPPER] >= np.pi))
     return [
         Blocked(float(lower), min(float(upper), np.pi), int(reason) // 3, _LIMITS[int(reason) % 3])
         for lower, upper, reason in rows[: last + 1]

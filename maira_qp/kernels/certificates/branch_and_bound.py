@@ -29,7 +29,8 @@ import math
 import numpy as np
 
 from maira_qp.kernels.jit.decorators import bare_kernel, kernel
-from maira_qp.kernels.kinematics.serial_chain import PRISMATIC, START_LOWER, START_UPPER, forward
+from maira_qp.kernels.kinematics.serial_chain import forward
+from maira_qp.kernels.layout import Joint, Pivot, Point
 
 DEPTH = 400
 """Boxes that wait, at most."""
@@ -37,10 +38,6 @@ DEPTH = 400
 NARROWEST = 1e-9
 """Boxes are not halved across a joint whose half-width is smaller than this [rad or m]."""
 
-# the columns of `points`, fixed in the tool: where it is [m], and how far it may be from its place [m]
-TOLERANCE = 3
-# the columns of `pivots`: the joint on whose axis it is, and how far along the axis from the joint's origin [m]
-JOINT, ALONG = 0, 1
 
 ORIENTATION = -1
 """In place of a point: what rules a box out is the angle between the orientations."""
@@ -68,7 +65,7 @@ def exclude(chain, points, pivots, turn, targets, most, boxes, excluded):
 def _exclude(chain, points, pivots, turn, target, most, stack, vectors, axes, origins, tool, boxes):
     n, waiting, ruled_out, q, h = vectors.shape[1], 1, 0, vectors[0], vectors[1]
     for i in range(n):
-        stack[0, i], stack[0, n + i] = chain[i, START_LOWER], chain[i, START_UPPER]
+        stack[0, i], stack[0, n + i] = chain[i, Joint.START_LOWER], chain[i, Joint.START_UPPER]
     for _ in range(most):
         waiting -= 1
         for i in range(n):
@@ -104,7 +101,7 @@ def _judge(chain, points, pivots, turn, target, h, axes, origins, tool, behind, 
     """
     n, split, nearest, point, pivot, total = len(h), 0, 0.0, ORIENTATION, len(pivots), turn
     for i in range(n):
-        total += h[i] if chain[i, PRISMATIC] == 0.0 else 0.0
+        total += h[i] if chain[i, Joint.PRISMATIC] == 0.0 else 0.0
         split = i if h[i] > h[split] else split
     if turn < math.inf:
         nearest = _angle_between(tool, target) / total
@@ -116,11 +113,11 @@ def _judge(chain, points, pivots, turn, target, h, axes, origins, tool, behind, 
                 return -1, point, pivot
             joint, o = n, p
             if m < len(pivots):
-                joint = int(pivots[m, JOINT])
-                o = _on_axis(axes, origins, joint, pivots[m, ALONG])
+                joint = int(pivots[m, Pivot.JOINT])
+                o = _on_axis(axes, origins, joint, pivots[m, Pivot.ALONG])
             _moved(chain, h, axes, origins, o, joint, before)
             near, far = _from_path(chain, h[0] if joint > 0 else 0.0, axes, origins, o, t)
-            slack = points[k, TOLERANCE] + _from(before, 1, joint) + _from(behind, joint + 1, n)
+            slack = points[k, Point.TOLERANCE] + _from(before, 1, joint) + _from(behind, joint + 1, n)
             length = _distance(o, p)
             share = max(near - length, length - far) / slack
             if share > nearest:
@@ -145,7 +142,7 @@ def _moved(chain, h, axes, origins, point, stop, moved):
     """How far the joints i, ..., stop - 1 together may move a point (3,) into moved[i], for every i >= 1."""
     total = 0.0
     for i in range(stop - 1, 0, -1):
-        if chain[i, PRISMATIC] != 0.0:
+        if chain[i, Joint.PRISMATIC] != 0.0:
             total += h[i]
         else:
             total += 2.0 * math.sin(0.5 * min(h[i], math.pi)) * (_from_axis(axes, origins, i, point) + total)
@@ -203,7 +200,7 @@ def _from_path(chain, h, axes, origins, p, t):
     high, wanted = px * u + py * v + pz * w, tx * u + ty * v + tz * w
     px, py, pz = px - high * u, py - high * v, pz - high * w
     tx, ty, tz = tx - wanted * u, ty - wanted * v, tz - wanted * w
-    if chain[0, PRISMATIC] != 0.0:
+    if chain[0, Joint.PRISMATIC] != 0.0:
         across = (px - tx) ** 2 + (py - ty) ** 2 + (pz - tz) ** 2
         rise = abs(wanted - high)
         return math.sqrt(across + max(rise - h, 0.0) ** 2), math.sqrt(across + (rise + h) ** 2)

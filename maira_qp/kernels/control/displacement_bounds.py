@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 
 from maira_qp.kernels.jit.decorators import bare_kernel
-from maira_qp.kernels.kinematics.kinematic_tree import ACCELERATION, VELOCITY
-from maira_qp.kernels.kinematics.serial_chain import LOWER, UPPER
+from maira_qp.kernels.layout import Joint
 
 
 @bare_kernel
 def bounds_of_tick(tree, q, velocity, dt, lower, upper):
     """Bounds (n,) on the displacement in a tick of dt [s] from q (n,) at a velocity (n,)."""
     for i in range(len(q)):
-        reach, change, ahead = tree[i, VELOCITY] * dt, tree[i, ACCELERATION] * (dt * dt), velocity[i] * dt
-        below, above = tree[i, LOWER] - q[i], tree[i, UPPER] - q[i]
+        reach, change, ahead = tree[i, Joint.VELOCITY] * dt, tree[i, Joint.ACCELERATION] * (dt * dt), velocity[i] * dt
+        below, above = tree[i, Joint.LOWER] - q[i], tree[i, Joint.UPPER] - q[i]
         low, high = -_toward(-below, change, -ahead), _toward(above, change, ahead)
         if above < 0.0:
             low = min(low, high)
@@ -34,7 +33,7 @@ def _toward(room, change, ahead):
 def bounds_of_position(tree, q, lower, upper):
     """Bounds (n,) on the displacement from q (n,) where no time passes."""
     for i in range(len(q)):
-        lower[i], upper[i] = tree[i, LOWER] - q[i], tree[i, UPPER] - q[i]
+        lower[i], upper[i] = tree[i, Joint.LOWER] - q[i], tree[i, Joint.UPPER] - q[i]
 
 
 @bare_kernel
@@ -55,7 +54,7 @@ def share_to_stop(tree, way, dt):
     for i in range(len(way)):
         room = abs(way[i])
         if room > 0.0:
-            share = min(share, braking_displacement(room, tree[i, ACCELERATION] * (dt * dt), 0.0) / room)
+            share = min(share, braking_displacement(room, tree[i, Joint.ACCELERATION] * (dt * dt), 0.0) / room)
     return share
 
 

@@ -10,29 +10,10 @@ from __future__ import annotations
 
 import math
 
-from maira_qp.kernels.control.task_jacobians import (
-    ABSENT,
-    AXIS_ALONG,
-    AXIS_AT,
-    COEFFICIENTS,
-    COUPLING,
-    GAIN,
-    JOINTS,
-    KIND,
-    LEVEL,
-    PLACEMENTS,
-    POSE,
-    STILL,
-    TASK_DAMPING,
-    WEIGHTS,
-    across_direction,
-    in_base,
-    pose_bend,
-    task_error,
-    task_levers,
-)
+from maira_qp.kernels.control.task_jacobians import across_direction, in_base, pose_bend, task_error, task_levers
 from maira_qp.kernels.jit.decorators import bare_kernel, inner_kernel
 from maira_qp.kernels.kinematics.kinematic_tree import forward, path_jacobian, path_to, place
+from maira_qp.kernels.layout import Kind, Level, Place, TaskRow
 from maira_qp.kernels.refinement.posture_objective import objective_cost
 from maira_qp.kernels.spatial.pose_hessian import add_curvature as add_pose_curvature
 
@@ -42,9 +23,6 @@ NUDGE = 1e-5
 SADDLE, FLAT, STATIONARY, STEEP, WORTH = 1e-3, 1e-5, 0.1, 1e-5, 2e-9
 """As in `solvers.reference.step_models`."""
 
-# the columns of `objectives`
-WEIGHT, OBJECTIVE_GAIN, REFERENCE = 0, 1, 2
-
 
 @inner_kernel
 def level_costs(tree, parents, tasks, places, objectives, work, q, values):
@@ -53,25 +31,25 @@ def level_costs(tree, parents, tasks, places, objectives, work, q, values):
     n = len(q)
     forward(tree, parents, q, poses)
     for level in range(len(objectives)):
-        weight, values[level] = objectives[level, WEIGHT], 0.0
+        weight, values[level] = objectives[level, Level.WEIGHT], 0.0
         if weight != 0.0:
-            own = objectives[level, REFERENCE:]
+            own = objectives[level, Level.REFERENCE :]
             values[level] = weight * objective_cost(q, own[:n], own[n:])
     for t in range(len(tasks)):
         for f in range(3):
-            joint = places[t, JOINTS + f]
-            if joint == ABSENT:
+            joint = places[t, Place.JOINTS + f]
+            if joint == Place.ABSENT:
                 break
-            place(poses, joint, tasks[t, PLACEMENTS + 12 * f :], tools[t, f])
+            place(poses, joint, tasks[t, TaskRow.PLACEMENTS + 12 * f :], tools[t, f])
         task_error(tasks[t], places[t], tools[t], targets[t], q, e[t])
-        values[places[t, LEVEL]] += 0.5 * _squared_error(tasks[t], e[t])
+        values[places[t, Place.LEVEL]] += 0.5 * _squared_error(tasks[t], e[t])
 
 
 @bare_kernel
 def _squared_error(task, e):
     s = 0.0
     for k in range(6):
-        s += (task[WEIGHTS + k] * e[k]) ** 2
+        s += (task[TaskRow.WEIGHTS + k] * e[k]) ** 2
     return s
 
 
@@ -85,23 +63,23 @@ def level_model(tree, parents, tasks, places, objectives, level, work, q):
     H, c, g, rows, ends, e = work.H[level], work.c[level], work.g, work.rows, work.ends, work.e
     levers, errors = work.levers, work.errors
     n, asked, end = len(q), 0.0, ends[level - 1] if level > 0 else 0
-    weight, own = objectives[level, WEIGHT], objectives[level, REFERENCE:]
+    weight, own = objectives[level, Level.WEIGHT], objectives[level, Level.REFERENCE :]
     for i in range(n):
         for j in range(n):
             H[i, j] = 0.0
         H[i, i] = weight * own[n + i]
         g[i] = weight * own[n + i] * (q[i] - own[i])
-        c[i] = objectives[level, OBJECTIVE_GAIN] * g[i]
+        c[i] = objectives[level, Level.GAIN] * g[i]
     for t in range(len(tasks)):
-        if places[t, LEVEL] != level:
+        if places[t, Place.LEVEL] != level:
             continue
-        task, row, kind = tasks[t], end, places[t, KIND]
-        if kind == STILL:
+        task, row, kind = tasks[t], end, places[t, Place.KIND]
+        if kind == Kind.STILL:
             end = _add_still_rows(task, rows, end)
             for k in range(row, end):
                 errors[k] = 0.0
             continue
-        if kind == COUPLING:
+        if kind == Kind.COUPLING:
             end = _add_coupling_row(task, rows, end)
         else:
             tools, path, J = work.tools[t], work.paths[t], work.J[t]
@@ -110,15 +88,15 @@ def level_model(tree, parents, tasks, places, objectives, level, work, q):
                 tree, parents, work.poses, task, places[t], tools, levers, path, J, rows, end
             )
         for k in range(6):
-            if task[WEIGHTS + k] > 0.0:
-                r = task[WEIGHTS + k] * e[t, k]
+            if task[TaskRow.WEIGHTS + k] > 0.0:
+                r = task[TaskRow.WEIGHTS + k] * e[t, k]
                 errors[row] = r
                 for i in range(n):
                     slope = r * rows[row, i]
                     g[i] -= slope
-                    c[i] -= task[GAIN] * slope
+                    c[i] -= task[TaskRow.GAIN] * slope
                 row += 1
-        asked += task[TASK_DAMPING] * _squared_error(task, e[t])
+        asked += task[TaskRow.DAMPING] * _squared_error(task, e[t])
     ends[level] = end
     return asked
 
@@ -128,16 +106,16 @@ def row_errors(tasks, places, level, ends, e, errors):
     """The weighted errors of the rows of all levels above one, from those of the tasks e (T, 6); rows without stay."""
     row = 0
     for t in range(len(tasks)):
-        if places[t, LEVEL] >= level:
+        if places[t, Place.LEVEL] >= level:
             break
-        row = max(row, ends[places[t, LEVEL] - 1] if places[t, LEVEL] > 0 else 0)
-        if places[t, KIND] == STILL:
-            for i in range(tasks.shape[1] - COEFFICIENTS):
-                row += tasks[t, COEFFICIENTS + i] > 0.0
+        row = max(row, ends[places[t, Place.LEVEL] - 1] if places[t, Place.LEVEL] > 0 else 0)
+        if places[t, Place.KIND] == Kind.STILL:
+            for i in range(tasks.shape[1] - TaskRow.COEFFICIENTS):
+                row += tasks[t, TaskRow.COEFFICIENTS + i] > 0.0
             continue
         for k in range(6):
-            if tasks[t, WEIGHTS + k] > 0.0:
-                errors[row] = tasks[t, WEIGHTS + k] * e[t, k]
+            if tasks[t, TaskRow.WEIGHTS + k] > 0.0:
+                errors[row] = tasks[t, TaskRow.WEIGHTS + k] * e[t, k]
                 row += 1
 
 
@@ -149,21 +127,21 @@ def _add_rows(tree, parents, poses, task, place, tools, levers, path, J, rows, e
     """
     last, count = end, 0
     for k in range(6):
-        if task[WEIGHTS + k] > 0.0:
+        if task[TaskRow.WEIGHTS + k] > 0.0:
             for i in range(len(tree)):
                 rows[last, i] = 0.0
             last += 1
     for f in range(3):
-        joint = place[JOINTS + f]
-        if joint == ABSENT:
+        joint = place[Place.JOINTS + f]
+        if joint == Place.ABSENT:
             break
         count, row = path_to(parents, joint, path), end
         path_jacobian(tree, poses, path, tools[f], J[:count])
         for k in range(6):
-            if task[WEIGHTS + k] == 0.0:
+            if task[TaskRow.WEIGHTS + k] == 0.0:
                 continue
             for j in range(6):
-                lever = task[WEIGHTS + k] * levers[f, k, j]
+                lever = task[TaskRow.WEIGHTS + k] * levers[f, k, j]
                 if lever != 0.0:
                     for a in range(count):
                         rows[row, path[a]] += lever * J[a, j]
@@ -175,7 +153,7 @@ def _add_rows(tree, parents, poses, task, place, tools, levers, path, J, rows, e
 def _add_coupling_row(task, rows, end):
     """The row of a coupling: where it ends."""
     for i in range(rows.shape[1]):
-        rows[end, i] = task[WEIGHTS + 3] * task[COEFFICIENTS + i]
+        rows[end, i] = task[TaskRow.WEIGHTS + 3] * task[TaskRow.COEFFICIENTS + i]
     return end + 1
 
 
@@ -183,10 +161,10 @@ def _add_coupling_row(task, rows, end):
 def _add_still_rows(task, rows, end):
     """One row for each joint that is to stand still: where they end."""
     for i in range(rows.shape[1]):
-        if task[COEFFICIENTS + i] > 0.0:
+        if task[TaskRow.COEFFICIENTS + i] > 0.0:
             for j in range(rows.shape[1]):
                 rows[end, j] = 0.0
-            rows[end, i] = task[COEFFICIENTS + i]
+            rows[end, i] = task[TaskRow.COEFFICIENTS + i]
             end += 1
     return end
 
@@ -196,26 +174,26 @@ def add_curvature(tree, parents, tasks, places, level, bends, work, q):
     """Add to the Hessian of a level how the rows above bend, times work.weights, and, if it `bends`, its own tasks."""
     pull, row = work.pull, 0
     for t in range(len(tasks)):
-        kind, own = places[t, KIND], places[t, LEVEL] == level
-        if places[t, LEVEL] > level or (own and not bends):
+        kind, own = places[t, Place.KIND], places[t, Place.LEVEL] == level
+        if places[t, Place.LEVEL] > level or (own and not bends):
             break
-        row = max(row, work.ends[places[t, LEVEL] - 1] if places[t, LEVEL] > 0 else 0)
+        row = max(row, work.ends[places[t, Place.LEVEL] - 1] if places[t, Place.LEVEL] > 0 else 0)
         first, size, whole = row, 0.0, 0.0
-        if kind == STILL:
+        if kind == Kind.STILL:
             for i in range(len(q)):
-                row += tasks[t, COEFFICIENTS + i] > 0.0
+                row += tasks[t, TaskRow.COEFFICIENTS + i] > 0.0
             continue
         for k in range(6):
-            weight = tasks[t, WEIGHTS + k]
+            weight = tasks[t, TaskRow.WEIGHTS + k]
             pull[k] = 0.0
             if weight > 0.0:
                 pull[k] = -weight * work.left[row] if own else weight * work.weights[row]
                 size += pull[k] ** 2 / weight**2
                 whole += work.errors[row] ** 2
                 row += 1
-        if kind == COUPLING or size == 0.0:
+        if kind == Kind.COUPLING or size == 0.0:
             continue
-        if kind == POSE:
+        if kind == Kind.POSE:
             tool, target = work.tools[t, 0], work.targets[t]
             pose_bend(tasks[t], places[t], tool, target, own, pull, work.off, work.inverse, work.S)
             _add_on_path(work.J[t], work.paths[t, : work.counts[t]], pull, work.S, work.C, work.H[level])
@@ -234,8 +212,8 @@ def _add_differences(tree, parents, t, task, place_of_task, own, share, first, e
     pull, tool, target = work.pull, work.tools[t, 0], work.targets[t]
     if not own:
         for k in range(6):
-            pull[k] = pull[k] / task[WEIGHTS + k] if task[WEIGHTS + k] > 0.0 else 0.0
-        if place_of_task[KIND] in (AXIS_ALONG, AXIS_AT):
+            pull[k] = pull[k] / task[TaskRow.WEIGHTS + k] if task[TaskRow.WEIGHTS + k] > 0.0 else 0.0
+        if place_of_task[Place.KIND] in (Kind.AXIS_ALONG, Kind.AXIS_AT):
             in_base(task, place_of_task, tool, target, pull)
     for i in range(n):
         near[i] = q[i]
@@ -264,26 +242,26 @@ def _slope_at(tree, parents, task, place_of_task, target, own, work, q, gradient
     poses, tools, rows, J, e = work.near_poses, work.near_tools, work.near_rows, work.near_J, work.off
     forward(tree, parents, q, poses)
     for f in range(3):
-        joint = place_of_task[JOINTS + f]
-        if joint == ABSENT:
+        joint = place_of_task[Place.JOINTS + f]
+        if joint == Place.ABSENT:
             break
-        place(poses, joint, task[PLACEMENTS + 12 * f :], tools[f])
+        place(poses, joint, task[TaskRow.PLACEMENTS + 12 * f :], tools[f])
     task_levers(task, place_of_task, tools, target, e, work.levers)
     _add_rows(tree, parents, poses, task, place_of_task, tools, work.levers, work.joints, J, rows, 0)
     if own:
         task_error(task, place_of_task, tools, target, q, e)
         for k in range(6):
-            e[k] *= -task[WEIGHTS + k]
+            e[k] *= -task[TaskRow.WEIGHTS + k]
     else:
         for k in range(6):
             e[k] = work.pull[k]
-        if place_of_task[KIND] in (AXIS_ALONG, AXIS_AT):
+        if place_of_task[Place.KIND] in (Kind.AXIS_ALONG, Kind.AXIS_AT):
             across_direction(task, place_of_task, tools[0], target, e)
     for i in range(len(q)):
         gradient[i] = 0.0
     row = 0
     for k in range(6):
-        if task[WEIGHTS + k] > 0.0:
+        if task[TaskRow.WEIGHTS + k] > 0.0:
             for i in range(len(q)):
                 gradient[i] += e[k] * rows[row, i]
             row += 1

@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 
 from maira_qp.kernels.control.hierarchical_qp import add_rows
-from maira_qp.kernels.control.level_models import WEIGHT
 from maira_qp.kernels.jit.decorators import bare_kernel, inner_kernel
-from maira_qp.kernels.kinematics.kinematic_tree import VELOCITY
-from maira_qp.kernels.kinematics.serial_chain import LOWER, UPPER
+from maira_qp.kernels.layout import Joint, Level
 from maira_qp.kernels.linalg.ldl import factor_ldl, solve_ldl
 from maira_qp.kernels.linalg.qr_null_space import NONE, null_basis, others, reduce
 from maira_qp.kernels.linalg.symmetric_eigen import diagonalise
@@ -32,7 +30,7 @@ def find_residual(tree, objectives, level, work, q, dt):
     first, m = work.ends[level - 1] if level > 0 else 0, work.ends[level]
     above, x, K = work.balances[level], work.weights, work.rows[: work.ends[level - 1] if level > 0 else 0]
     for i in range(len(q)):
-        held[i] = not tree[i, LOWER] < tree[i, UPPER]
+        held[i] = not tree[i, Joint.LOWER] < tree[i, Joint.UPPER]
     if first == 0:
         _hold(tree, K, above, g, q, dt, held)
     nu = _factor_rows(rows, first, held, work.gram, work.factor)
@@ -51,7 +49,7 @@ def find_residual(tree, objectives, level, work, q, dt):
     for k in range(first, m):
         left[k] = errors[k]
         whole += errors[k] * errors[k]
-    if objectives[level, WEIGHT] != 0.0:
+    if objectives[level, Level.WEIGHT] != 0.0:
         _weighted_residual(objectives[level], rows, held, nu, work)
     else:
         for _ in range(FILTER):
@@ -127,8 +125,8 @@ def _hold(tree, K, multipliers, g, q, dt, held):
         pull = -g[i]
         for k in range(len(K)):
             pull -= K[k, i] * multipliers[k]
-        lower, upper = tree[i, LOWER], tree[i, UPPER]
-        reach = min(tree[i, VELOCITY] * dt, NEAR)
+        lower, upper = tree[i, Joint.LOWER], tree[i, Joint.UPPER]
+        reach = min(tree[i, Joint.VELOCITY] * dt, NEAR)
         hold = not lower < upper or (pull < 0.0 and lower - q[i] >= -reach) or (pull > 0.0 and upper - q[i] <= reach)
         changed = changed or hold != (held[i] != 0)
         held[i] = hold
@@ -167,7 +165,7 @@ def add_bent_directions(tree, objectives, level, work):
     rows, ends, F, Z, M, A, V, joints = work.rows, work.ends, work.F, work.Z, work.M, work.A, work.V, work.joints
     n, held, rank = len(tree), work.held, NONE
     for i in range(n):
-        held[i] = not tree[i, LOWER] < tree[i, UPPER]
+        held[i] = not tree[i, Joint.LOWER] < tree[i, Joint.UPPER]
     count = others(held, joints)
     for k in range(level + 1):
         rank = add_rows(work, k, joints[:count], rank, ABOVE)
@@ -175,7 +173,7 @@ def add_bent_directions(tree, objectives, level, work):
     if k == 0:
         return False
     flat = work.flat[level]
-    if objectives[level, WEIGHT] != 0.0:
+    if objectives[level, Level.WEIGHT] != 0.0:
         largest = 0.0
         for row in work.H[level]:
             for h in row:

@@ -7,7 +7,6 @@ import math
 from maira_qp.kernels.control.displacement_bounds import bounds_of_position, bounds_of_tick, rest_of, share_to_stop
 from maira_qp.kernels.control.hierarchical_qp import solve_each_level
 from maira_qp.kernels.control.level_models import (
-    WEIGHT,
     add_curvature,
     add_gauss_newton,
     finish_model,
@@ -17,10 +16,8 @@ from maira_qp.kernels.control.level_models import (
 )
 from maira_qp.kernels.control.residual import add_bent_directions, find_residual
 from maira_qp.kernels.control.step_workspace import make_work
-from maira_qp.kernels.control.task_jacobians import LEVEL, OWN, SOURCE, TARGET
 from maira_qp.kernels.jit.decorators import bare_kernel, inner_kernel
-from maira_qp.kernels.kinematics.kinematic_tree import VELOCITY
-from maira_qp.kernels.kinematics.serial_chain import LOWER, UPPER
+from maira_qp.kernels.layout import Joint, Level, Place, Step, TaskRow
 from maira_qp.kernels.search.levenberg_marquardt import squares
 from maira_qp.kernels.search.multi_start import FARTHEST_START
 from maira_qp.kernels.spatial.pose_validation import FINE, pose_row
@@ -32,12 +29,6 @@ ARMIJO, ROUNDING, AT_REST = 0.05, 1e-14, 1e-6
 
 ARRIVED, MOVING, NEAREST, STUCK = 0.0, 1.0, 2.0, 3.0
 """As `maira_qp.StepStatus`."""
-
-# the entries of `numbers`
-DAMPING, LEAST_DAMPING, HALVINGS, WITHIN, FARTHEST, FEASIBILITY, IS_SLOW = 0, 1, 2, 3, 4, 5, 6
-FIRST, ROWS = 7, 8
-"""How many tasks are of the first priority, and how many rows all tasks can have, with those in which levels bend"""
-POSITION_LOSS, ORIENTATION_LOSS, POSITION_WITHIN, ORIENTATION_WITHIN, STATIONARITY = 9, 10, 11, 12, 13
 
 
 @bare_kernel
@@ -51,7 +42,7 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
     See `levels` and `tree` for the problem; memory and index are as long as `memory_sizes` says.
     """
     n = len(q)
-    work = make_work(n, len(tasks), int(numbers[ROWS]), len(objectives), memory, index)
+    work = make_work(n, len(tasks), int(numbers[Step.ROWS]), len(objectives), memory, index)
     for i in range(n):
         if not (abs(q[i]) <= FARTHEST_START and abs(velocity[i]) < math.inf):
             return BAD_CONFIGURATION
@@ -66,11 +57,11 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
         bends = find_residual(tree, objectives, level, work, q, dt)
         add_curvature(tree, parents, tasks, places, level, bends, work, q)
         add_gauss_newton(level, work)
-        finish_model(level, bends, is_bent, asked, numbers[DAMPING], numbers[LEAST_DAMPING], work)
-        if level + 1 < len(objectives) and (bends or objectives[level, WEIGHT] != 0.0):
+        finish_model(level, bends, is_bent, asked, numbers[Step.DAMPING], numbers[Step.LEAST_DAMPING], work)
+        if level + 1 < len(objectives) and (bends or objectives[level, Level.WEIGHT] != 0.0):
             is_bent = (add_bent_directions(tree, objectives, level, work) and bends) or is_bent
     share, solved = 1.0, len(objectives)
-    for timeless in range(int(numbers[IS_SLOW]), -1, -1):
+    for timeless in range(int(numbers[Step.IS_SLOW]), -1, -1):
         if timeless > 0:
             bounds_of_position(tree, q, lower, upper)
         else:
@@ -85,12 +76,12 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
     _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q, solved)
     ahead = out[:n]
     for i in range(n):
-        low, high, reach = tree[i, LOWER], tree[i, UPPER], tree[i, VELOCITY]
+        low, high, reach = tree[i, Joint.LOWER], tree[i, Joint.UPPER], tree[i, Joint.VELOCITY]
         move = min(max(step[i], lower[i]), upper[i])
         ahead[i] = min(max(q[i] + move, low), high) if low <= q[i] <= high else q[i] + move
         out[n + i] = min(max(move / dt, -reach), reach)
     level_costs(tree, parents, tasks, places, objectives, work, ahead, work.values)
-    _report(work.e[: int(numbers[FIRST])], out[2 * n :])
+    _report(work.e[: int(numbers[Step.FIRST])], out[2 * n :])
     out[2 * n + 2] = _status(tree, places, numbers, work, solved, dt, out[n : 2 * n])
     return FINE
 
@@ -99,16 +90,16 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
 def _read_targets(tasks, places, numbers, T, targets):
     """The target of each task as a row of targets (T, 12); what is wrong with one."""
     for t in range(len(tasks)):
-        source = places[t, SOURCE]
-        if source == OWN:
+        source = places[t, Place.SOURCE]
+        if source == Place.OWN:
             for k in range(12):
-                targets[t, k] = tasks[t, TARGET + k]
+                targets[t, k] = tasks[t, TaskRow.TARGET + k]
             continue
-        fault = pose_row(T[4 * source : 4 * source + 4], numbers[WITHIN], targets[t])
+        fault = pose_row(T[4 * source : 4 * source + 4], numbers[Step.WITHIN], targets[t])
         if fault != FINE:
             return fault
         for k in range(9, 12):
-            if abs(targets[t, k]) > numbers[FARTHEST]:
+            if abs(targets[t, k]) > numbers[Step.FARTHEST]:
                 return TOO_FAR
     return FINE
 
@@ -118,7 +109,7 @@ def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q
     """Add to the `step` what each level adds, shortened until the true costs, `values` those of now, allow it."""
     displacements, values, trial_values, kept = work.displacements, work.values, work.trial_values, work.kept
     lower, upper, step, part, trial, solved_above = work.lower, work.upper, work.step, work.part, work.trial, work.dq
-    n, slack, errors = len(q), numbers[FEASIBILITY], work.errors
+    n, slack, errors = len(q), numbers[Step.FEASIBILITY], work.errors
     for i in range(n):
         solved_above[i] = step[i]
     for level in range(solved):
@@ -137,7 +128,7 @@ def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q
         for i in range(n):
             solved_above[i] = displacements[level, i]
         share, most, slope, done = 1.0, before + ROUNDING * (1.0 + abs(before)), ARMIJO * min(slope, 0.0), False
-        for _ in range(int(numbers[HALVINGS])):
+        for _ in range(int(numbers[Step.HALVINGS])):
             inside, shrink = True, 0.5
             for i in range(n):
                 move = step[i] + share * part[i]
@@ -166,7 +157,7 @@ def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q
                 trial[i] = q[i] + step[i]
             level_costs(tree, parents, tasks, places, objectives, work, trial, values)
         for t in range(len(tasks)):
-            if places[t, LEVEL] == level:
+            if places[t, Place.LEVEL] == level:
                 position, orientation = squares(work.e[t])
                 kept[t, 0], kept[t, 1] = math.sqrt(position), math.sqrt(orientation)
         work.highest[level] = values[level]
@@ -177,14 +168,14 @@ def _loss(tasks, places, objectives, numbers, level, work):
     """What the levels above one lose, the largest share of what they may."""
     loss, e, kept = -1.0, work.e, work.kept
     for t in range(len(tasks)):
-        if places[t, LEVEL] >= level:
+        if places[t, Place.LEVEL] >= level:
             break
         position, orientation = squares(e[t])
-        loss = max(loss, (math.sqrt(position) - kept[t, 0]) / numbers[POSITION_LOSS])
-        loss = max(loss, (math.sqrt(orientation) - kept[t, 1]) / numbers[ORIENTATION_LOSS])
+        loss = max(loss, (math.sqrt(position) - kept[t, 0]) / numbers[Step.POSITION_LOSS])
+        loss = max(loss, (math.sqrt(orientation) - kept[t, 1]) / numbers[Step.ORIENTATION_LOSS])
     for k in range(level):
-        if objectives[k, WEIGHT] != 0.0:
-            loss = max(loss, (work.trial_values[k] - work.highest[k]) / (0.5 * numbers[ORIENTATION_LOSS] ** 2))
+        if objectives[k, Level.WEIGHT] != 0.0:
+            loss = max(loss, (work.trial_values[k] - work.highest[k]) / (0.5 * numbers[Step.ORIENTATION_LOSS] ** 2))
     return loss
 
 
@@ -194,12 +185,12 @@ def _status(tree, places, numbers, work, solved, dt, velocity):
     arrived, moving, wanted, slope = True, False, solved == 0, 0.0
     for error in work.e[: len(places)]:
         position, orientation = squares(error)
-        arrived = arrived and position <= numbers[POSITION_WITHIN] ** 2
-        arrived = arrived and orientation <= numbers[ORIENTATION_WITHIN] ** 2
+        arrived = arrived and position <= numbers[Step.POSITION_WITHIN] ** 2
+        arrived = arrived and orientation <= numbers[Step.ORIENTATION_WITHIN] ** 2
     if arrived:
         return ARRIVED
     for i in range(len(velocity)):
-        slow = AT_REST * (tree[i, VELOCITY] if tree[i, VELOCITY] < math.inf else 1.0)
+        slow = AT_REST * (tree[i, Joint.VELOCITY] if tree[i, Joint.VELOCITY] < math.inf else 1.0)
         moving = moving or abs(velocity[i]) > slow
         wanted = wanted or abs(work.displacements[solved - 1, i]) > slow * dt
     if moving:
@@ -207,8 +198,8 @@ def _status(tree, places, numbers, work, solved, dt, velocity):
     if wanted:
         return STUCK
     for t in range(len(places)):
-        slope = max(slope, work.gradients[places[t, LEVEL]])
-    return NEAREST if slope <= numbers[STATIONARITY] else MOVING
+        slope = max(slope, work.gradients[places[t, Place.LEVEL]])
+    return NEAREST if slope <= numbers[Step.STATIONARITY] else MOVING
 
 
 @bare_kernel

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 
 from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.layout import Axes, Kind, Place, TaskRow
 from maira_qp.kernels.spatial.pose_error import pose_error
 from maira_qp.kernels.spatial.so3 import bend_of_even_cost, bend_of_logarithm, inverse_right_jacobian
 from maira_qp.kernels.spatial.vectors import (
@@ -27,23 +28,6 @@ from maira_qp.kernels.spatial.vectors import (
     turned_back,
 )
 
-# the columns of `tasks`
-WEIGHTS, GAIN, TASK_DAMPING = 0, 6, 7
-PLACEMENTS, TARGET = 8, 44
-"""Of up to three frames behind their joints (12,) each; and a target (12,) of its own"""
-AXIS, VALUE, COEFFICIENTS = 56, 59, 60
-"""The axis that points, or what a swivel angle counts from (3,); a joints' value or that angle; one a joint (n,)"""
-
-# the columns of `places`
-KIND, LEVEL, SOURCE, AXES, JOINTS = 0, 1, 2, 3, 4
-"""SOURCE: which target of the call it takes, or `OWN`; JOINTS: those of the frames, `ABSENT` for none"""
-PLACE = 7
-OWN, ABSENT = -1, -2
-BASE_AXES, TARGET_AXES = 0, 1
-
-POSE, AXIS_ALONG, AXIS_AT, RELATIVE, SWIVEL, COUPLING, STILL = 0, 1, 2, 3, 4, 5, 6
-"""The kinds."""
-
 SMALL = 1e-9
 """As in `problem.tasks.axis` and `.swivel`: shorter lengths [m] have no direction."""
 
@@ -51,40 +35,40 @@ SMALL = 1e-9
 @bare_kernel
 def task_error(task, place, tools, target, q, e):
     """The error of a task at q (n,) into e (6,), from the poses of its frames, tools (3, 12), and its target (12,)."""
-    kind = place[KIND]
-    if kind == POSE:
+    kind = place[Place.KIND]
+    if kind == Kind.POSE:
         _frame_error(task, place, tools[0], target, e)
         return
     for k in range(6):
         e[k] = 0.0
-    if kind in (AXIS_ALONG, AXIS_AT):
+    if kind in (Kind.AXIS_ALONG, Kind.AXIS_AT):
         _direction_error(task, kind, tools[0], target, e)
-    elif kind == RELATIVE:
+    elif kind == Kind.RELATIVE:
         seen_from(tools[1], tools[0], tools[2])
         pose_error(tools[2], target, e)
-    elif kind == SWIVEL:
+    elif kind == Kind.SWIVEL:
         e[3] = _missing_swivel(task, tools)
-    elif kind == COUPLING:
-        e[3] = task[VALUE]
+    elif kind == Kind.COUPLING:
+        e[3] = task[TaskRow.VALUE]
         for i in range(len(q)):
-            e[3] -= task[COEFFICIENTS + i] * q[i]
+            e[3] -= task[TaskRow.COEFFICIENTS + i] * q[i]
 
 
 @bare_kernel
 def _frame_error(task, place, tool, target, e):
     pose_error(tool, target, e)
-    if place[AXES] == TARGET_AXES:
+    if place[Place.AXES] == Axes.TARGET:
         e[0], e[1], e[2] = turned_back(target, (e[0], e[1], e[2]))
         e[3], e[4], e[5] = turned_back(target, (e[3], e[4], e[5]))
     for k in range(6):
-        if task[WEIGHTS + k] == 0.0:
+        if task[TaskRow.WEIGHTS + k] == 0.0:
             e[k] = 0.0
 
 
 @bare_kernel
 def _direction_error(task, kind, tool, target, e):
     """The rotation vector that takes the axis a to the direction d, along the two axes across d."""
-    a = turned(tool, (task[AXIS], task[AXIS + 1], task[AXIS + 2]))
+    a = turned(tool, (task[TaskRow.AXIS], task[TaskRow.AXIS + 1], task[TaskRow.AXIS + 2]))
     d, _ = _direction(task, kind, tool, target)
     first, second = _across(d)
     turn, along = cross(a, d), dot(a, d)
@@ -100,8 +84,8 @@ def _direction_error(task, kind, tool, target, e):
 @bare_kernel
 def _direction(task, kind, tool, target):
     """The unit vector that the axis is to point along, and one over the distance [m] of what it points at, or 0."""
-    if kind == AXIS_ALONG:
-        return turned(target, (task[AXIS], task[AXIS + 1], task[AXIS + 2])), 0.0
+    if kind == Kind.AXIS_ALONG:
+        return turned(target, (task[TaskRow.AXIS], task[TaskRow.AXIS + 1], task[TaskRow.AXIS + 2])), 0.0
     away = minus(origin(target), origin(tool))
     distance = length(away)
     if distance > SMALL:
@@ -120,7 +104,7 @@ def _across(d):
 @bare_kernel
 def in_base(task, place, tool, target, pull):
     """What pulls the two rows of a direction, pull[3:5], as a vector in base axes, pull[:3]."""
-    first, second = _across(_direction(task, place[KIND], tool, target)[0])
+    first, second = _across(_direction(task, place[Place.KIND], tool, target)[0])
     u, v = pull[3], pull[4]
     for k in range(3):
         pull[k] = u * first[k] + v * second[k]
@@ -129,7 +113,7 @@ def in_base(task, place, tool, target, pull):
 @bare_kernel
 def across_direction(task, place, tool, target, pull):
     """The part of a vector in base axes, pull[:3], for the two rows of a direction, pull[3:5]."""
-    first, second = _across(_direction(task, place[KIND], tool, target)[0])
+    first, second = _across(_direction(task, place[Place.KIND], tool, target)[0])
     vector = pull[0], pull[1], pull[2]
     pull[3], pull[4] = dot(vector, first), dot(vector, second)
 
@@ -149,14 +133,14 @@ def _missing_swivel(task, tools):
     x, y = dot(elbow, up), dot(elbow, side)
     if math.sqrt(x * x + y * y) < SMALL:
         return 0.0
-    missing = task[VALUE] - math.atan2(y, x)
+    missing = task[TaskRow.VALUE] - math.atan2(y, x)
     return missing - 2.0 * math.pi * math.floor(missing / (2.0 * math.pi) + 0.5)
 
 
 @bare_kernel
 def _elbow_plane(task, tools):
     """The elbow from the shoulder [m], both axes of the circle's plane, and the vector from shoulder to wrist [m]."""
-    reference = task[AXIS], task[AXIS + 1], task[AXIS + 2]
+    reference = task[TaskRow.AXIS], task[TaskRow.AXIS + 1], task[TaskRow.AXIS + 2]
     line = minus(origin(tools[2]), origin(tools[0]))
     along = scaled(1.0 / max(length(line), SMALL), line)
     up = minus(reference, scaled(dot(along, reference), along))
@@ -172,18 +156,18 @@ def task_levers(task, place, tools, target, e, levers):
 
     Where the angular rows of a pose count the same, its levers are those of the pose itself: the gradient is the same.
     """
-    kind = place[KIND]
+    kind = place[Place.KIND]
     for f in range(3):
         for k in range(6):
             for j in range(6):
                 levers[f, k, j] = 0.0
-    if kind == POSE:
+    if kind == Kind.POSE:
         _frame_lever(task, place, tools[0], target, e, levers[0])
-    elif kind in (AXIS_ALONG, AXIS_AT):
+    elif kind in (Kind.AXIS_ALONG, Kind.AXIS_AT):
         _direction_lever(task, kind, tools[0], target, levers[0])
-    elif kind == RELATIVE:
+    elif kind == Kind.RELATIVE:
         _relative_levers(tools, levers)
-    elif kind == SWIVEL:
+    elif kind == Kind.SWIVEL:
         _swivel_levers(task, tools, levers)
 
 
@@ -194,7 +178,7 @@ def pose_bend(task, place, tool, target, of_cost, pull, e, inverse, S):
     S is what two turns of the frame add. Rows whose turns count the same bend as the frame's pose does, others as the
     error. For the pull of a cost it is what this bends beside Gauss-Newton's part. Work: e (6,), inverse (3, 3).
     """
-    if place[AXES] == TARGET_AXES:
+    if place[Place.AXES] == Axes.TARGET:
         pull[0], pull[1], pull[2] = turned(target, (pull[0], pull[1], pull[2]))
         pull[3], pull[4], pull[5] = turned(target, (pull[3], pull[4], pull[5]))
     even = _turns_evenly(task)
@@ -206,8 +190,8 @@ def pose_bend(task, place, tool, target, of_cost, pull, e, inverse, S):
     pose_error(tool, target, e)
     phi, u = (e[3], e[4], e[5]), (pull[3], pull[4], pull[5])
     if even:
-        square = max(task[WEIGHTS + 3] * task[WEIGHTS + 3], 1e-300)
-        bend_of_even_cost((-u[0] / square, -u[1] / square, -u[2] / square), task[WEIGHTS + 3], S)
+        square = max(task[TaskRow.WEIGHTS + 3] * task[TaskRow.WEIGHTS + 3], 1e-300)
+        bend_of_even_cost((-u[0] / square, -u[1] / square, -u[2] / square), task[TaskRow.WEIGHTS + 3], S)
         return
     inverse_right_jacobian(phi, inverse)
     bend_of_logarithm(phi, u, inverse, S)
@@ -218,7 +202,7 @@ def pose_bend(task, place, tool, target, of_cost, pull, e, inverse, S):
 @bare_kernel
 def _turns_evenly(task):
     """The angular rows of a pose count the same each."""
-    return task[WEIGHTS + 3] == task[WEIGHTS + 4] == task[WEIGHTS + 5]
+    return task[TaskRow.WEIGHTS + 3] == task[TaskRow.WEIGHTS + 4] == task[TaskRow.WEIGHTS + 5]
 
 
 @bare_kernel
@@ -232,7 +216,7 @@ def _frame_lever(task, place, tool, target, e, lever):
         inverse_right_jacobian((e[3], e[4], e[5]), angular)
     for k in range(3):
         lever[k, k] = 1.0
-    if place[AXES] == TARGET_AXES:
+    if place[Place.AXES] == Axes.TARGET:
         for k in range(3):
             lever[0, k], lever[1, k], lever[2, k] = turned_back(target, (lever[0, k], lever[1, k], lever[2, k]))
             angular[0, k], angular[1, k], angular[2, k] = turned_back(
@@ -271,7 +255,7 @@ def _swivel_levers(task, tools, levers):
     square, distance = x * x + y * y, max(length(line), SMALL)
     if math.sqrt(square) < SMALL:
         return
-    reference, along = (task[AXIS], task[AXIS + 1], task[AXIS + 2]), cross(up, side)
+    reference, along = (task[TaskRow.AXIS], task[TaskRow.AXIS + 1], task[TaskRow.AXIS + 2]), cross(up, side)
     lift = dot(reference, up)
     turn = dot(reference, along) / lift if lift > SMALL else 0.0
     for k in range(3):

@@ -9,11 +9,7 @@ from __future__ import annotations
 
 from maira_qp.kernels.jit.decorators import bare_kernel
 from maira_qp.kernels.jit.simd_trig import sine_cosine
-from maira_qp.kernels.kinematics.serial_chain import PRISMATIC
-from maira_qp.kernels.kinematics.serial_chain import ROW as CHAIN_ROW
-
-VELOCITY, ACCELERATION = CHAIN_ROW, CHAIN_ROW + 1
-ROW = CHAIN_ROW + 2
+from maira_qp.kernels.layout import Joint
 
 BASE = -1
 """The parent of a joint that stands on the base."""
@@ -25,7 +21,7 @@ def forward(tree, parents, q, poses):
     for i in range(len(q)):
         pose = poses[i]
         place(poses, parents[i], tree[i], pose)
-        if tree[i, PRISMATIC] != 0.0:
+        if tree[i, Joint.PRISMATIC] != 0.0:
             for row in range(3):
                 pose[9 + row] += q[i] * pose[3 * row + 2]
         else:
@@ -69,7 +65,7 @@ def path_jacobian(tree, poses, path, pose, J):
     for a in range(len(J)):
         i = path[a]
         x, y, z = poses[i, 2], poses[i, 5], poses[i, 8]
-        if tree[i, PRISMATIC] != 0.0:
+        if tree[i, Joint.PRISMATIC] != 0.0:
             J[a, 0], J[a, 1], J[a, 2] = x, y, z
             J[a, 3], J[a, 4], J[a, 5] = 0.0, 0.0, 0.0
         else:

@@ -15,9 +15,7 @@ import numpy as np
 from maira_qp.kernels.jit.decorators import bare_kernel, kernel
 from maira_qp.kernels.jit.simd import full, load, load2, store, store2
 from maira_qp.kernels.jit.simd_trig import sine_cosine
-
-ROW = 17
-PRISMATIC, LOWER, UPPER, START_LOWER, START_UPPER = 12, 13, 14, 15, 16
+from maira_qp.kernels.layout import Joint
 
 
 @bare_kernel
@@ -47,7 +45,7 @@ def forward(chain, q, axes, origins, tool):
         store2(axes, i, 0, r02)
         store2(axes, i, 1, r12)
         store2(axes, i, 2, r22)
-        if chain[i, PRISMATIC] != 0.0:
+        if chain[i, Joint.PRISMATIC] != 0.0:
             slide = load(q, i)
             px = px + slide * r02
             py = py + slide * r12
@@ -80,7 +78,7 @@ def jacobian(chain, axes, origins, tool, J):
     px, py, pz = load(tool, 9), load(tool, 10), load(tool, 11)
     for i in range(len(axes)):
         x, y, z = load2(axes, i, 0), load2(axes, i, 1), load2(axes, i, 2)
-        if chain[i, PRISMATIC] != 0.0:
+        if chain[i, Joint.PRISMATIC] != 0.0:
             store2(J, i, 0, x)
             store2(J, i, 1, y)
             store2(J, i, 2, z)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.decorators import bare_kernel
-from maira_qp.kernels.kinematics.serial_chain import LOWER, PRISMATIC, UPPER
+from maira_qp.kernels.layout import Joint
 
 TURN = 2.0 * np.pi
 
@@ -67,8 +67,8 @@ def _free_turn(chain, i, angle, reference, posture, weight):
 @bare_kernel
 def nearest_turn(chain, i, angle, reference):
     """The value of joint i that is whole turns from `angle`, within the limits, and nearest to the reference."""
-    low, high = chain[i, LOWER], chain[i, UPPER]
-    if chain[i, PRISMATIC] != 0.0 or not high - low >= TURN:
+    low, high = chain[i, Joint.LOWER], chain[i, Joint.UPPER]
+    if chain[i, Joint.PRISMATIC] != 0.0 or not high - low >= TURN:
         return angle
     turns = np.floor((reference - angle) / TURN + 0.5)
     turns = min(max(turns, np.ceil((low - angle) / TURN)), np.floor((high - angle) / TURN))

@@ -13,8 +13,8 @@ Optimization", 2006, algorithm 16.3). H must be positive definite.
 from __future__ import annotations
 
 from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.layout import Side
 
-FREE, AT_LOWER, AT_UPPER = 0, -1, 1
 BLOCK_PASSES = 8
 
 
@@ -23,7 +23,7 @@ def solve_box_qp(H, c, lower, upper, A, free, side, y, x):
     """The solution into x (n,). Work: A (n, n), free and side (n,) of int64, y (n,). False if H is not positive."""
     n = len(c)
     for i in range(n):
-        side[i] = FREE if lower[i] < upper[i] else AT_LOWER
+        side[i] = Side.FREE if lower[i] < upper[i] else Side.AT_LOWER
     for _ in range(BLOCK_PASSES):
         if not _solve_free(H, c, lower, upper, A, free, side, x):
             return False
@@ -35,7 +35,7 @@ def solve_box_qp(H, c, lower, upper, A, free, side, y, x):
             return True
         for i in range(n):
             if free[i]:
-                side[i] = (AT_LOWER if x[i] < lower[i] else AT_UPPER) if side[i] == FREE else FREE
+                side[i] = (Side.AT_LOWER if x[i] < lower[i] else Side.AT_UPPER) if side[i] == Side.FREE else Side.FREE
     return solve_along_feasible_path(H, c, lower, upper, A, free, side, y, x)
 
 
@@ -45,7 +45,7 @@ def solve_along_feasible_path(H, c, lower, upper, A, free, side, y, x):
     n = len(c)
     for i in range(n):
         x[i] = min(max(x[i], lower[i]), upper[i])
-        side[i] = AT_LOWER if x[i] <= lower[i] else AT_UPPER if x[i] >= upper[i] else FREE
+        side[i] = Side.AT_LOWER if x[i] <= lower[i] else Side.AT_UPPER if x[i] >= upper[i] else Side.FREE
     for _ in range(8 * n + 20):
         if not _solve_free(H, c, lower, upper, A, free, side, y):
             return False
@@ -58,25 +58,25 @@ def solve_along_feasible_path(H, c, lower, upper, A, free, side, y, x):
         for i in range(n):
             x[i] = y[i] if blocking < 0 else min(max(x[i] + share * (y[i] - x[i]), lower[i]), upper[i])
         if blocking >= 0:
-            side[blocking] = AT_LOWER if y[blocking] < lower[blocking] else AT_UPPER
-            x[blocking] = lower[blocking] if side[blocking] == AT_LOWER else upper[blocking]
+            side[blocking] = Side.AT_LOWER if y[blocking] < lower[blocking] else Side.AT_UPPER
+            x[blocking] = lower[blocking] if side[blocking] == Side.AT_LOWER else upper[blocking]
             continue
         leaving, worst = -1, 0.0
         for i in range(n):
-            if side[i] != FREE and _contradicts(H, c, lower, upper, side, x, i):
+            if side[i] != Side.FREE and _contradicts(H, c, lower, upper, side, x, i):
                 push = abs(_slope(H, c, x, i))
                 if push > worst:
                     worst, leaving = push, i
         if leaving < 0:
             return True
-        side[leaving] = FREE
+        side[leaving] = Side.FREE
     return True
 
 
 @bare_kernel
 def _contradicts(H, c, lower, upper, side, x, i):
     """Variable i does not belong where it is: outside its bounds, or pushed off its bound by more than rounding."""
-    if side[i] == FREE:
+    if side[i] == Side.FREE:
         return x[i] < lower[i] or x[i] > upper[i]
     size = abs(c[i])
     for j in range(len(c)):
@@ -98,17 +98,17 @@ def _solve_free(H, c, lower, upper, A, free, side, x):
     """x (n,) with the bound variables on their bounds, the free ones optimal, by A = L D L^T; False if D is not > 0."""
     n, m = len(c), 0
     for i in range(n):
-        if side[i] == FREE:
+        if side[i] == Side.FREE:
             free[m] = i
             m += 1
         else:
-            x[i] = lower[i] if side[i] == AT_LOWER else upper[i]
+            x[i] = lower[i] if side[i] == Side.AT_LOWER else upper[i]
     for a in range(m):
         i = free[a]
         s = -c[i]
         if m < n:
             for j in range(n):
-                if side[j] != FREE:
+                if side[j] != Side.FREE:
                     s -= H[i, j] * x[j]
         x[i] = s
     for a in range(m):

@@ -13,10 +13,9 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.layout import Side
 from maira_qp.kernels.linalg.ldl import factor_ldl, solve_ldl
 from maira_qp.kernels.linalg.qr_null_space import balance, factor, null_vector
-
-AT_LOWER, AT_UPPER = -1, 1
 
 PARALLEL = 1e-12
 """A step moves a row if by more than this share of its own length: below, the row is a sum of active ones."""
@@ -129,7 +128,7 @@ def _row(Z, k, i, z):
 @bare_kernel
 def _put_on_its_bound(i, side, lower, upper, x):
     """An active row holds to the bit."""
-    x[i] = lower[i] if side == AT_LOWER else upper[i]
+    x[i] = lower[i] if side == Side.AT_LOWER else upper[i]
 
 
 @bare_kernel
@@ -174,7 +173,7 @@ def _blocking_row(Z, k, lower, upper, step, x):
     for i in range(len(x)):
         d = _row(Z, k, i, step)
         if d < -PARALLEL * longest and x[i] + share * d < lower[i]:
-            blocking, side, share = i, AT_LOWER, max((lower[i] - x[i]) / d, 0.0)
+            blocking, side, share = i, Side.AT_LOWER, max((lower[i] - x[i]) / d, 0.0)
         elif d > PARALLEL * longest and x[i] + share * d > upper[i]:
-            blocking, side, share = i, AT_UPPER, max((upper[i] - x[i]) / d, 0.0)
+            blocking, side, share = i, Side.AT_UPPER, max((upper[i] - x[i]) / d, 0.0)
     return blocking, side, share

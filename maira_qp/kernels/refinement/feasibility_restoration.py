@@ -8,20 +8,11 @@ quadratically. Where that leaves the limits, or does not halve the error, the da
 from __future__ import annotations
 
 from maira_qp.kernels.jit.decorators import bare_kernel
-from maira_qp.kernels.kinematics.serial_chain import LOWER, UPPER, jacobian
+from maira_qp.kernels.kinematics.serial_chain import jacobian
+from maira_qp.kernels.layout import Joint, Setting
 from maira_qp.kernels.linalg.qr_null_space import factor, shortest_solution
 from maira_qp.kernels.qp.box_qp import solve_box_qp
-from maira_qp.kernels.search.levenberg_marquardt import (
-    ACCEPTED,
-    DAMPING,
-    LEAST_DAMPING,
-    LEAST_FACTOR,
-    ORIENTATION_WEIGHT,
-    POSITION_WEIGHT,
-    REFUSED,
-    pose_cost,
-    quadratic_model,
-)
+from maira_qp.kernels.search.levenberg_marquardt import pose_cost, quadratic_model
 from maira_qp.kernels.spatial.pose_hessian import weigh
 
 RANK_THRESHOLD = 1e-10
@@ -35,7 +26,7 @@ FARTHEST = 0.5
 @bare_kernel
 def factor_rows(settings, J, fixed, At, tau, order, joints):
     """Factor the weighted rows of the task, W J, of the joints that are not `fixed` (n,): their number and the rank."""
-    p, o = settings[POSITION_WEIGHT], settings[ORIENTATION_WEIGHT]
+    p, o = settings[Setting.POSITION_WEIGHT], settings[Setting.ORIENTATION_WEIGHT]
     n = 0
     for i in range(len(J)):
         if not fixed[i]:
@@ -70,7 +61,7 @@ def _follow_newton(chain, settings, target, cost, enough, most, work, q):
         spent += 1
         jacobian(chain, axes, origins, tool, J)
         for i in range(n):
-            fixed[i] = q[i] <= chain[i, LOWER] or q[i] >= chain[i, UPPER]
+            fixed[i] = q[i] <= chain[i, Joint.LOWER] or q[i] >= chain[i, Joint.UPPER]
             trial[i] = q[i]
         count, rank = factor_rows(settings, J, fixed, At, tau, order, joints)
         weigh(settings, e, weighted)
@@ -78,7 +69,7 @@ def _follow_newton(chain, settings, target, cost, enough, most, work, q):
         for a in range(count):
             i = joints[a]
             trial[i] += x[a]
-            near = near and abs(x[a]) <= FARTHEST and chain[i, LOWER] <= trial[i] <= chain[i, UPPER]
+            near = near and abs(x[a]) <= FARTHEST and chain[i, Joint.LOWER] <= trial[i] <= chain[i, Joint.UPPER]
         value = pose_cost(chain, settings, target, trial, axes, origins, tool, e) if near else cost
         near = near and value < 0.25 * cost
         if near:
@@ -102,23 +93,26 @@ def _descend(chain, settings, target, enough, most, work, q):
             jacobian(chain, axes, origins, tool, J)
             largest = quadratic_model(settings, J, e, H, c, True)
             for i in range(n):
-                lower[i], upper[i], diagonal[i] = chain[i, LOWER] - q[i], chain[i, UPPER] - q[i], H[i, i]
-        mu = damping * settings[DAMPING] * 2.0 * cost + max(1.0, damping) * settings[LEAST_DAMPING] * largest
+                lower[i], upper[i], diagonal[i] = chain[i, Joint.LOWER] - q[i], chain[i, Joint.UPPER] - q[i], H[i, i]
+        mu = (
+            damping * settings[Setting.DAMPING] * 2.0 * cost
+            + max(1.0, damping) * settings[Setting.LEAST_DAMPING] * largest
+        )
         for i in range(n):
             H[i, i] = diagonal[i] + mu
         if not solve_box_qp(H, c, lower, upper, A, free, side, y, dq):
             break
         for i in range(n):
-            trial[i] = min(max(q[i] + dq[i], chain[i, LOWER]), chain[i, UPPER])
+            trial[i] = min(max(q[i] + dq[i], chain[i, Joint.LOWER]), chain[i, Joint.UPPER])
         value = pose_cost(chain, settings, target, trial, axes, origins, tool, e)
         fresh = value < cost
         if fresh:
             cost = value
             for i in range(n):
                 q[i] = trial[i]
-            damping = max(damping * settings[ACCEPTED], settings[LEAST_FACTOR])
+            damping = max(damping * settings[Setting.ACCEPTED], settings[Setting.LEAST_FACTOR])
         else:
-            damping *= settings[REFUSED]
+            damping *= settings[Setting.REFUSED]
     if not fresh:
         cost = pose_cost(chain, settings, target, q, axes, origins, tool, e)
     return cost, spent

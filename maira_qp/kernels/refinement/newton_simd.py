@@ -14,29 +14,12 @@ import numpy as np
 
 from maira_qp.kernels.jit.decorators import bare_kernel
 from maira_qp.kernels.jit.simd import LANES, any_lane, full, least, load, load2, most, root, select, size, store, store2
-from maira_qp.kernels.kinematics.serial_chain import LOWER, UPPER, jacobian
+from maira_qp.kernels.kinematics.serial_chain import jacobian
+from maira_qp.kernels.layout import Joint, Newton, Setting
 from maira_qp.kernels.qp.box_qp_simd import solve_box_qps
 from maira_qp.kernels.refinement.weighted_sum import GRADIENT_SCALE
-from maira_qp.kernels.search.levenberg_marquardt import (
-    ACCEPTED,
-    DAMPING,
-    LEAST_DAMPING,
-    LEAST_FACTOR,
-    LONGEST,
-    ORIENTATION_WEIGHT,
-    POSITION_WEIGHT,
-    REFUSED,
-    begin,
-    make_lanes,
-    pose_cost,
-    quadratic_model,
-)
+from maira_qp.kernels.search.levenberg_marquardt import begin, make_lanes, pose_cost, quadratic_model
 from maira_qp.kernels.spatial.pose_hessian import add_curvature, subtract_flattening
-
-# the rows of `lanes.state`, whose place is that of `kernels.search.levenberg_marquardt`; the last says whether H is
-# exact
-COST, FACTOR, LEFT, ITERATIONS, LARGEST = 0, 1, 2, 3, 4
-STARTING, ENDED, EXACT = 7, 8, 9
 
 MOST_STEPS = 30
 """A descent that has not converged by then is left."""
@@ -57,10 +40,10 @@ def newton_in_lanes(chain, settings, targets, starts, tolerance, floats, lane_of
     while True:
         busy = False
         for lane in range(LANES):
-            if state[ENDED, lane] > 0.0:
+            if state[Newton.ENDED, lane] > 0.0:
                 k = lane_of[lane]
                 if k >= 0:
-                    left[k], steps[k] = state[LEFT, lane], int(state[ITERATIONS, lane])
+                    left[k], steps[k] = state[Newton.LEFT, lane], int(state[Newton.ITERATIONS, lane])
                     for i in range(n):
                         q[k, i] = lanes.q[i, lane]
                 while opened < len(q) and q[opened, 0] != q[opened, 0]:
@@ -81,11 +64,11 @@ def _advance(chain, settings, tolerance, lanes):
     """One step in every lane; where a descent begins, a look at where it stands."""
     state, q, trial, c = lanes.state, lanes.q, lanes.trial, lanes.c
     n, nothing = len(q), full(q, 0.0)
-    cost, factor, starting = load(state, COST), load(state, FACTOR), load(state, STARTING) > 0.0
+    cost, factor, starting = load(state, Newton.COST), load(state, Newton.FACTOR), load(state, Newton.STARTING) > 0.0
     definite = _solve(chain, settings, lanes)
     for i in range(n):
         now = load(q, i)
-        there = least(most(now + load(lanes.dq, i), chain[i, LOWER]), chain[i, UPPER])
+        there = least(most(now + load(lanes.dq, i), chain[i, Joint.LOWER]), chain[i, Joint.UPPER])
         store(trial, i, select(definite & ~starting, there, now))
     value = pose_cost(chain, settings, lanes.target, trial, lanes.axes, lanes.origins, lanes.tool, lanes.e)
     better = starting | (definite & (value < cost))
@@ -99,35 +82,39 @@ def _advance(chain, settings, tolerance, lanes):
     left = nothing
     for i in range(n):
         now, slope = load(q, i), -GRADIENT_SCALE * load(c, i)
-        left = most(left, size(least(most(slope, chain[i, LOWER] - now), chain[i, UPPER] - now)))
+        left = most(left, size(least(most(slope, chain[i, Joint.LOWER] - now), chain[i, Joint.UPPER] - now)))
     left = left / (GRADIENT_SCALE * most(1.0, root(2.0 * cost)))
-    factor = select(better, most(factor * settings[ACCEPTED], settings[LEAST_FACTOR]), factor * settings[REFUSED])
-    steps = select(starting, 0.0, load(state, ITERATIONS) + 1.0)
+    factor = select(
+        better,
+        most(factor * settings[Setting.ACCEPTED], settings[Setting.LEAST_FACTOR]),
+        factor * settings[Setting.REFUSED],
+    )
+    steps = select(starting, 0.0, load(state, Newton.ITERATIONS) + 1.0)
     ended = (left <= tolerance) | (steps >= MOST_STEPS) | ~(cost < np.inf)
-    store(state, COST, cost)
-    store(state, FACTOR, select(starting, 1.0, select(exact, factor, load(state, FACTOR))))
-    store(state, LEFT, left)
-    store(state, ITERATIONS, steps)
-    store(state, LARGEST, select(renewed, largest, load(state, LARGEST)))
-    store(state, STARTING, 0.0)
-    store(state, ENDED, select(ended, 1.0, nothing))
-    store(state, EXACT, select(exact, 1.0, nothing))
+    store(state, Newton.COST, cost)
+    store(state, Newton.FACTOR, select(starting, 1.0, select(exact, factor, load(state, Newton.FACTOR))))
+    store(state, Newton.LEFT, left)
+    store(state, Newton.ITERATIONS, steps)
+    store(state, Newton.LARGEST, select(renewed, largest, load(state, Newton.LARGEST)))
+    store(state, Newton.STARTING, 0.0)
+    store(state, Newton.ENDED, select(ended, 1.0, nothing))
+    store(state, Newton.EXACT, select(exact, 1.0, nothing))
 
 
 @bare_kernel
 def _solve(chain, settings, lanes):
     """The step from q into dq (n,): a mask of the lanes in which the matrix is positive."""
     state, q, H = lanes.state, lanes.q, lanes.H
-    factor = load(state, FACTOR)
-    damping = factor * settings[DAMPING] * 2.0 * load(state, COST)
-    damping = damping + most(factor, 1.0) * settings[LEAST_DAMPING] * load(state, LARGEST)
+    factor = load(state, Newton.FACTOR)
+    damping = factor * settings[Setting.DAMPING] * 2.0 * load(state, Newton.COST)
+    damping = damping + most(factor, 1.0) * settings[Setting.LEAST_DAMPING] * load(state, Newton.LARGEST)
     for i in range(len(q)):
         store2(H, i, i, load(lanes.diagonal, i) + damping)
-        store(lanes.lower, i, most(chain[i, LOWER] - load(q, i), -settings[LONGEST]))
-        store(lanes.upper, i, least(chain[i, UPPER] - load(q, i), settings[LONGEST]))
-    if any_lane(load(state, STARTING) == 0.0):
+        store(lanes.lower, i, most(chain[i, Joint.LOWER] - load(q, i), -settings[Setting.LONGEST]))
+        store(lanes.upper, i, least(chain[i, Joint.UPPER] - load(q, i), settings[Setting.LONGEST]))
+    if any_lane(load(state, Newton.STARTING) == 0.0):
         return solve_box_qps(H, lanes.c, lanes.lower, lanes.upper, lanes.A, lanes.side, lanes.dq)
-    return load(state, STARTING) == 0.0
+    return load(state, Newton.STARTING) == 0.0
 
 
 @bare_kernel
@@ -137,7 +124,7 @@ def _renew_model(settings, exact, renewed, lanes):
     Where `exact` is false H is that of Gauss and Newton.
     """
     J, e, c, H, A, weighted = lanes.J, lanes.e, lanes.c, lanes.H, lanes.A, lanes.goal
-    n, p2, o2 = len(c), settings[POSITION_WEIGHT] ** 2, settings[ORIENTATION_WEIGHT] ** 2
+    n, p2, o2 = len(c), settings[Setting.POSITION_WEIGHT] ** 2, settings[Setting.ORIENTATION_WEIGHT] ** 2
     largest = quadratic_model(settings, J, e, A, c, renewed)
     for row in range(3):
         store(weighted, row, select(exact, -p2 * load(e, row), 0.0))

@@ -14,40 +14,17 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.decorators import bare_kernel, kernel
-from maira_qp.kernels.kinematics.serial_chain import LOWER, UPPER, jacobian
+from maira_qp.kernels.kinematics.serial_chain import jacobian
+from maira_qp.kernels.layout import Joint, Refinement, Setting, Settling
 from maira_qp.kernels.linalg.convexify import make_positive
 from maira_qp.kernels.linalg.qr_null_space import balance, null_basis, reduce
 from maira_qp.kernels.qp.null_space_qp import solve_row_qp
 from maira_qp.kernels.refinement.feasibility_restoration import factor_rows, restore
 from maira_qp.kernels.refinement.posture_objective import objective_cost
-from maira_qp.kernels.refinement.stabilized_sqp_simd import (
-    FIRST_RADIUS,
-    ITERATIONS,
-    LEAST_RADIUS,
-    MAX_SETTLING,
-    OBJECTIVE,
-    ON_LIMIT,
-    ORIENTATION_ERROR,
-    POSITION_ERROR,
-    PROJECTED_GRADIENT,
-    REACHED,
-    RESOLUTION,
-    RESTORED,
-    RESTORING,
-    STATIONARITY_TOLERANCE,
-    settle_in_lanes,
-)
+from maira_qp.kernels.refinement.stabilized_sqp_simd import ON_LIMIT, settle_in_lanes
 from maira_qp.kernels.refinement.weighted_sum import GRADIENT_SCALE, trade_off
 from maira_qp.kernels.refinement.workspace import make_workspace
-from maira_qp.kernels.search.levenberg_marquardt import (
-    ORIENTATION_TOLERANCE,
-    ORIENTATION_WEIGHT,
-    POSITION_TOLERANCE,
-    POSITION_WEIGHT,
-    is_reached,
-    pose_cost,
-    squares,
-)
+from maira_qp.kernels.search.levenberg_marquardt import is_reached, pose_cost, squares
 from maira_qp.kernels.spatial.pose_hessian import add_curvature, weigh
 
 NEAR_ENOUGH = 0.03
@@ -68,7 +45,7 @@ def settle(chain, settings, targets, reference, weights, settling, q, outcome):
     Not a kernel, but two of them, so that the one that few targets need is compiled when one does.
     """
     settle_in_lanes(chain, settings, targets, reference, weights, settling, q, outcome)
-    alone = outcome[:, PROJECTED_GRADIENT] == np.inf
+    alone = outcome[:, Refinement.PROJECTED_GRADIENT] == np.inf
     if alone.any():
         left = np.flatnonzero(alone)
         some, told = q[left], outcome[left]
@@ -85,30 +62,32 @@ def settle_alone(chain, settings, targets, reference, weights, settling, q, outc
         cost = pose_cost(chain, settings, targets[k], q[k], work.axes, work.origins, work.tool, work.e)
         if is_reached(settings, work.e):
             spent, left = walk(chain, settings, targets[k], reference, weights, settling, cost, work, q[k])
-        tell(settings, reference, weights, work.e, outcome[k, ITERATIONS] + spent, left, q[k], outcome[k])
+        tell(settings, reference, weights, work.e, outcome[k, Refinement.ITERATIONS] + spent, left, q[k], outcome[k])
 
 
 @kernel
 def trade_off_each(chain, settings, targets, reference, weights, weight, settling, q, outcome):
     """From the optima q (N, n) of `Strict`, where they reach the targets, to those of `Weighted`, see `settle`."""
     work = make_workspace(q.shape[1])
-    tolerance, most = settling[STATIONARITY_TOLERANCE] * min(1.0, weight), settling[MAX_SETTLING]
+    tolerance, most = settling[Settling.STATIONARITY_TOLERANCE] * min(1.0, weight), settling[Settling.MAX_SETTLING]
     for k in range(len(q)):
-        if outcome[k, REACHED] > 0.0:
+        if outcome[k, Refinement.REACHED] > 0.0:
             spent, left = trade_off(
                 chain, settings, targets[k], reference, weights, weight, tolerance, most, work, q[k]
             )
-            tell(settings, reference, weights, work.e, outcome[k, ITERATIONS] + spent, left, q[k], outcome[k])
+            tell(
+                settings, reference, weights, work.e, outcome[k, Refinement.ITERATIONS] + spent, left, q[k], outcome[k]
+            )
 
 
 @bare_kernel
 def tell(settings, reference, weights, e, iterations, left, q, outcome):
     """The outcome (6,) at q (n,) with the error e (6,) and a projected gradient of which so much is left."""
     position, orientation = squares(e)
-    outcome[REACHED], outcome[ITERATIONS] = is_reached(settings, e), iterations
-    outcome[PROJECTED_GRADIENT], outcome[OBJECTIVE] = left, objective_cost(q, reference, weights)
-    outcome[POSITION_ERROR] = np.sqrt(position) if settings[POSITION_WEIGHT] > 0.0 else 0.0
-    outcome[ORIENTATION_ERROR] = np.sqrt(orientation) if settings[ORIENTATION_WEIGHT] > 0.0 else 0.0
+    outcome[Refinement.REACHED], outcome[Refinement.ITERATIONS] = is_reached(settings, e), iterations
+    outcome[Refinement.PROJECTED_GRADIENT], outcome[Refinement.OBJECTIVE] = left, objective_cost(q, reference, weights)
+    outcome[Refinement.POSITION_ERROR] = np.sqrt(position) if settings[Setting.POSITION_WEIGHT] > 0.0 else 0.0
+    outcome[Refinement.ORIENTATION_ERROR] = np.sqrt(orientation) if settings[Setting.ORIENTATION_WEIGHT] > 0.0 else 0.0
 
 
 @bare_kernel
@@ -119,15 +98,16 @@ def walk(chain, settings, target, reference, weights, settling, cost, work, q):
     """
     axes, origins, tool, e, before = work.axes, work.origins, work.tool, work.e, work.before
     ahead, safe, locked = work.ahead, work.safe, work.locked
-    n, restored, most, loosest = len(q), settling[RESTORED], settling[RESTORING], _cost_of_tolerance(settings)
+    n, restored, most = len(q), settling[Settling.RESTORED], settling[Settling.RESTORING]
+    loosest = _cost_of_tolerance(settings)
     for i in range(n):
         safe[i] = q[i]
-        locked[i] = not chain[i, LOWER] < chain[i, UPPER]
-    value, radius, spent = objective_cost(q, reference, weights), settling[FIRST_RADIUS], 0
+        locked[i] = not chain[i, Joint.LOWER] < chain[i, Joint.UPPER]
+    value, radius, spent = objective_cost(q, reference, weights), settling[Settling.FIRST_RADIUS], 0
     arrived, refused = cost <= restored, False
     k, left = _projected_gradient(chain, settings, reference, weights, work, q)
-    for _ in range(int(settling[MAX_SETTLING])):
-        optimal = left <= settling[STATIONARITY_TOLERANCE]
+    for _ in range(int(settling[Settling.MAX_SETTLING])):
+        optimal = left <= settling[Settling.STATIONARITY_TOLERANCE]
         if optimal and arrived:
             break
         if (optimal or refused) and not arrived:
@@ -148,7 +128,7 @@ def walk(chain, settings, target, reference, weights, settling, cost, work, q):
         ahead_value = objective_cost(ahead, reference, weights)
         regained, largest = _regained(settings, work)
         gain, ahead_left = value - ahead_value + regained, np.inf
-        clear = settling[RESOLUTION] * (1.0 + abs(value) + largest)
+        clear = settling[Settling.RESOLUTION] * (1.0 + abs(value) + largest)
         if gain >= -clear and is_reached(settings, e):
             k, ahead_left = _projected_gradient(chain, settings, reference, weights, work, ahead)
         refused = not (ahead_left < left or (gain > clear and ahead_left < np.inf))
@@ -156,7 +136,7 @@ def walk(chain, settings, target, reference, weights, settling, cost, work, q):
             radius = 0.25 * min(radius, longest) if arrived else radius
             pose_cost(chain, settings, target, q, axes, origins, tool, e)
             k, left = _projected_gradient(chain, settings, reference, weights, work, q)
-            if radius < settling[LEAST_RADIUS]:
+            if radius < settling[Settling.LEAST_RADIUS]:
                 break
         else:
             cost, value, left, arrived = ahead_cost, ahead_value, ahead_left, ahead_cost <= restored
@@ -179,8 +159,8 @@ def walk(chain, settings, target, reference, weights, settling, cost, work, q):
 @bare_kernel
 def _cost_of_tolerance(settings):
     """A cost of the pose that is within the tolerances, whatever makes it up."""
-    position = settings[POSITION_WEIGHT] * settings[POSITION_TOLERANCE]
-    orientation = settings[ORIENTATION_WEIGHT] * settings[ORIENTATION_TOLERANCE]
+    position = settings[Setting.POSITION_WEIGHT] * settings[Setting.POSITION_TOLERANCE]
+    orientation = settings[Setting.ORIENTATION_WEIGHT] * settings[Setting.ORIENTATION_TOLERANCE]
     if position == 0.0 or (0.0 < orientation < position):
         return 0.5 * orientation * orientation
     return 0.5 * position * position
@@ -209,7 +189,7 @@ def _projected_gradient(chain, settings, reference, weights, work, q):
     k = count - rank
     for i in range(n):
         g[i] = weights[i] * (q[i] - reference[i])
-        lower[i], upper[i] = chain[i, LOWER] - q[i], chain[i, UPPER] - q[i]
+        lower[i], upper[i] = chain[i, Joint.LOWER] - q[i], chain[i, Joint.UPPER] - q[i]
     null_basis(At, tau, joints, count, rank, g, x, Z, c)
     known = True
     for b in range(k):
@@ -238,10 +218,10 @@ def _step(chain, settings, weights, k, radius, work, q):
     n, count, longest, differ = len(q), 0, 0.0, False
     for i in range(n):
         count += not locked[i]
-        held[i] = q[i] <= chain[i, LOWER] or q[i] >= chain[i, UPPER]
+        held[i] = q[i] <= chain[i, Joint.LOWER] or q[i] >= chain[i, Joint.UPPER]
         differ = differ or held[i] != locked[i]
-        lower[i] = min(max(chain[i, LOWER] - q[i], -radius), 0.0)
-        upper[i] = min(max(chain[i, UPPER] - q[i], 0.0), radius)
+        lower[i] = min(max(chain[i, Joint.LOWER] - q[i], -radius), 0.0)
+        upper[i] = min(max(chain[i, Joint.UPPER] - q[i], 0.0), radius)
     rank, within = count - k, False  # of the rows as `_projected_gradient` factored them
     for _ in range(2):
         if differ or within:
@@ -256,7 +236,7 @@ def _step(chain, settings, weights, k, radius, work, q):
         differ, longest, within = False, 0.0, False
         beyond = False
         for i in range(n):
-            low, high = chain[i, LOWER], chain[i, UPPER]
+            low, high = chain[i, Joint.LOWER], chain[i, Joint.UPPER]
             end = min(max(q[i] + dq[i], low), high)
             ahead[i] = low if end - low <= ON_LIMIT else high if high - end <= ON_LIMIT else end
             holds = ahead[i] <= low or ahead[i] >= high
@@ -295,7 +275,7 @@ def lagrangian_hessian(settings, weights, count, rank, work):
 def _regained(settings, work):
     """What the pose error that a step regained, or lost, is worth in units of the objective; the largest multiplier."""
     multipliers, e, before = work.multipliers, work.e, work.before
-    p, o, s, largest = settings[POSITION_WEIGHT], settings[ORIENTATION_WEIGHT], 0.0, 0.0
+    p, o, s, largest = settings[Setting.POSITION_WEIGHT], settings[Setting.ORIENTATION_WEIGHT], 0.0, 0.0
     for row in range(6):
         s += multipliers[row] * (p if row < 3 else o) * (e[row] - before[row])
         largest = max(largest, abs(multipliers[row]))

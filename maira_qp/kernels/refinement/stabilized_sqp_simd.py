@@ -26,28 +26,13 @@ import numpy as np
 
 from maira_qp.kernels.jit.decorators import bare_kernel, kernel
 from maira_qp.kernels.jit.simd import LANES, full, least, load, load2, most, select, size, store, store2
-from maira_qp.kernels.kinematics.serial_chain import LOWER, UPPER, jacobian
+from maira_qp.kernels.kinematics.serial_chain import jacobian
+from maira_qp.kernels.layout import Joint, Refinement, Setting, Settling, Walk
 from maira_qp.kernels.qp.box_qp_simd import solve_box_qps
 from maira_qp.kernels.refinement.posture_objective import objective_cost
 from maira_qp.kernels.refinement.weighted_sum import GRADIENT_SCALE
-from maira_qp.kernels.search.levenberg_marquardt import (
-    ORIENTATION_TOLERANCE,
-    ORIENTATION_WEIGHT,
-    POSITION_TOLERANCE,
-    POSITION_WEIGHT,
-    is_reached,
-    pose_cost,
-    quadratic_model,
-)
+from maira_qp.kernels.search.levenberg_marquardt import is_reached, pose_cost, quadratic_model
 from maira_qp.kernels.spatial.pose_hessian import add_curvature, weigh
-
-# the entries of `settling`
-MAX_SETTLING, STATIONARITY_TOLERANCE = 0, 1
-FIRST_RADIUS, LEAST_RADIUS, RESTORING, RESTORED, RESOLUTION = 2, 3, 4, 5, 6
-
-# the entries of `outcome`
-REACHED, ITERATIONS, PROJECTED_GRADIENT, OBJECTIVE, POSITION_ERROR, ORIENTATION_ERROR = 0, 1, 2, 3, 4, 5
-OUTCOME = 6
 
 ON_LIMIT = 1e-12
 """A step that ends as near to a limit [rad or m] ends on it."""
@@ -68,10 +53,6 @@ FIRST_DAMPING, MORE_DAMPING, LESS_DAMPING, LEAST_DAMPING = 1.0, 4.0, 0.1, 0.1
 """mu in units of that mean: the first, its factors where the matrix is not positive and where it is; below the last
 it is 0."""
 
-# the rows of `state`, a number a lane; of the last three 1.0 says yes and 0.0 no
-COST, VALUE, LEFT, RADIUS, FACTOR, STEPS = 0, 1, 2, 3, 4, 5
-STARTING, ENDED, CONVERGED = 6, 7, 8
-STATE = 9
 
 Walks = namedtuple(
     "Walks",
@@ -87,24 +68,24 @@ Walks = namedtuple(
 @kernel
 def make_walks(n):
     """Eight walks of a chain of n joints, all of them ended."""
-    memory = np.zeros((STATE + 54 + n * (27 + 2 * n) + 1) * LANES)  # lanes that never begin stand still
+    memory = np.zeros((Walk.WIDTH + 54 + n * (27 + 2 * n) + 1) * LANES)  # lanes that never begin stand still
     memory = memory[(-memory.ctypes.data // 8) % LANES :]  # a row is one line of the cache
-    small, memory = memory[: (STATE + 54) * LANES].reshape(-1, LANES), memory[(STATE + 54) * LANES :]
+    small, memory = memory[: (Walk.WIDTH + 54) * LANES].reshape(-1, LANES), memory[(Walk.WIDTH + 54) * LANES :]
     vectors, memory = memory[: 9 * n * LANES].reshape(9, n, LANES), memory[9 * n * LANES :]
     lines, memory = memory[: 6 * n * LANES].reshape(2, n, 3, LANES), memory[6 * n * LANES :]
     jacobians, memory = memory[: 12 * n * LANES].reshape(2, n, 6, LANES), memory[12 * n * LANES :]
     squares = memory[: 2 * n * n * LANES].reshape(2, n, n, LANES)
-    state = small[:STATE]
-    store(state, ENDED, 1.0)
+    state = small[: Walk.WIDTH]
+    store(state, Walk.ENDED, 1.0)
     return Walks(
         state,
-        small[STATE : STATE + 12],
-        small[STATE + 12 : STATE + 24],
-        small[STATE + 24 : STATE + 30],
-        small[STATE + 30 : STATE + 36],
-        small[STATE + 36 : STATE + 42],
-        small[STATE + 42 : STATE + 48],
-        small[STATE + 48 : STATE + 54],
+        small[Walk.WIDTH : Walk.WIDTH + 12],
+        small[Walk.WIDTH + 12 : Walk.WIDTH + 24],
+        small[Walk.WIDTH + 24 : Walk.WIDTH + 30],
+        small[Walk.WIDTH + 30 : Walk.WIDTH + 36],
+        small[Walk.WIDTH + 36 : Walk.WIDTH + 42],
+        small[Walk.WIDTH + 42 : Walk.WIDTH + 48],
+        small[Walk.WIDTH + 48 : Walk.WIDTH + 54],
         vectors[0],
         vectors[1],
         vectors[2],
@@ -145,11 +126,11 @@ def walk_in_lanes(chain, settings, targets, reference, weights, settling, walks,
     while True:
         busy = False
         for lane in range(LANES):
-            if state[ENDED, lane] > 0.0:
+            if state[Walk.ENDED, lane] > 0.0:
                 k = lane_of[lane]
                 if k >= 0:
                     for i in range(n):
-                        q[k, i] = walks.q[i, lane] if state[CONVERGED, lane] > 0.0 else q[k, i]
+                        q[k, i] = walks.q[i, lane] if state[Walk.CONVERGED, lane] > 0.0 else q[k, i]
                     _tell(chain, settings, settling, walks, lane, outcome[k])
                 lane_of[lane] = opened if opened < len(q) else -1
                 if opened < len(q):
@@ -171,21 +152,21 @@ def _tell(chain, settings, settling, walks, lane, outcome):
     """
     q, slope, e, position, turn, square = walks.q, walks.slope, walks.e, 0.0, 0.0, 0.0
     for row in range(3):
-        position += e[row, lane] * e[row, lane] if settings[POSITION_WEIGHT] > 0.0 else 0.0
-        turn += e[3 + row, lane] * e[3 + row, lane] if settings[ORIENTATION_WEIGHT] > 0.0 else 0.0
+        position += e[row, lane] * e[row, lane] if settings[Setting.POSITION_WEIGHT] > 0.0 else 0.0
+        turn += e[3 + row, lane] * e[3 + row, lane] if settings[Setting.ORIENTATION_WEIGHT] > 0.0 else 0.0
     position, turn = math.sqrt(position), math.sqrt(turn)
     for i in range(len(q)):
         s, now = slope[i, lane], q[i, lane]
-        held = now <= chain[i, LOWER] if s > 0.0 else now >= chain[i, UPPER]
+        held = now <= chain[i, Joint.LOWER] if s > 0.0 else now >= chain[i, Joint.UPPER]
         square += 0.0 if held else s * s
     bound = math.sqrt(square)
-    reached = position <= settings[POSITION_TOLERANCE] and turn <= settings[ORIENTATION_TOLERANCE]
-    proved = walks.state[CONVERGED, lane] > 0.0 and reached and bound <= settling[STATIONARITY_TOLERANCE]
-    outcome[REACHED], outcome[ITERATIONS] = proved, walks.state[STEPS, lane]
-    outcome[PROJECTED_GRADIENT] = bound if proved else np.inf
-    outcome[OBJECTIVE] = walks.state[VALUE, lane] if proved else np.nan
-    outcome[POSITION_ERROR] = position if proved else np.nan
-    outcome[ORIENTATION_ERROR] = turn if proved else np.nan
+    reached = position <= settings[Setting.POSITION_TOLERANCE] and turn <= settings[Setting.ORIENTATION_TOLERANCE]
+    proved = walks.state[Walk.CONVERGED, lane] > 0.0 and reached and bound <= settling[Settling.STATIONARITY_TOLERANCE]
+    outcome[Refinement.REACHED], outcome[Refinement.ITERATIONS] = proved, walks.state[Walk.STEPS, lane]
+    outcome[Refinement.PROJECTED_GRADIENT] = bound if proved else np.inf
+    outcome[Refinement.OBJECTIVE] = walks.state[Walk.VALUE, lane] if proved else np.nan
+    outcome[Refinement.POSITION_ERROR] = position if proved else np.nan
+    outcome[Refinement.ORIENTATION_ERROR] = turn if proved else np.nan
 
 
 @bare_kernel
@@ -198,8 +179,9 @@ def _begin(walks, lane, target, q, settling):
         walks.target[i, lane] = target[i]
     for row in range(6):
         walks.ahead_y[row, lane] = 0.0
-    state[RADIUS, lane], state[FACTOR, lane], state[STEPS, lane] = settling[FIRST_RADIUS], 0.0, -1.0
-    state[STARTING, lane], state[ENDED, lane] = 1.0, 0.0
+    state[Walk.RADIUS, lane], state[Walk.FACTOR, lane] = settling[Settling.FIRST_RADIUS], 0.0
+    state[Walk.STEPS, lane] = -1.0
+    state[Walk.STARTING, lane], state[Walk.ENDED, lane] = 1.0, 0.0
 
 
 @bare_kernel
@@ -209,7 +191,7 @@ def _advance(chain, settings, reference, weights, settling, walks):
     n, scale, nothing = len(q), 0.0, full(q, 0.0)
     for weight in weights:
         scale += weight / n
-    starting, radius, factor = load(state, STARTING) > 0.0, load(state, RADIUS), load(state, FACTOR)
+    starting, radius, factor = load(state, Walk.STARTING) > 0.0, load(state, Walk.RADIUS), load(state, Walk.FACTOR)
     definite = _solve_model(chain, settings, weights, scale, walks)
     longest = _propose(chain, settings, scale, walks)
     cost = pose_cost(chain, settings, walks.target, ahead, walks.axes, walks.origins, walks.tool, walks.ahead_e)
@@ -217,33 +199,39 @@ def _advance(chain, settings, reference, weights, settling, walks):
     jacobian(chain, walks.axes, walks.origins, walks.tool, walks.ahead_J)
     left = _lagrangian_gradient(chain, settings, reference, weights, walks)
     fell = _augmented_lagrangian_fell(settings, settling, scale, cost, value, walks)
-    halved = (left < 0.5 * load(state, LEFT)) & (cost < most(load(state, COST), settling[RESTORED]))
+    halved = (left < 0.5 * load(state, Walk.LEFT)) & (cost < most(load(state, Walk.COST), settling[Settling.RESTORED]))
     taken = (starting & is_reached(settings, walks.ahead_e)) | (~starting & definite & (fell | halved))
     _move(walks, taken)
-    cost, left = select(taken, cost, load(state, COST)), select(taken, left, load(state, LEFT))
+    cost, left = select(taken, cost, load(state, Walk.COST)), select(taken, left, load(state, Walk.LEFT))
     grown = select(longest > 0.9 * radius, 2.0 * radius, radius)
     radius = select(starting | ~definite, radius, select(taken, grown, 0.25 * least(radius, longest)))
     less = select(taken, LESS_DAMPING * factor, factor)
     factor = select(starting | definite, less, most(MORE_DAMPING * factor, FIRST_DAMPING))
-    steps = load(state, STEPS) + 1.0
-    converged = taken & (left <= 0.5 * settling[STATIONARITY_TOLERANCE]) & (cost <= settling[RESTORED])
-    ended = converged | (steps >= least(settling[MAX_SETTLING], MOST_STEPS)) | (radius < settling[LEAST_RADIUS])
-    store(state, COST, cost)
-    store(state, VALUE, select(taken, value, load(state, VALUE)))
-    store(state, LEFT, left)
-    store(state, RADIUS, radius)
-    store(state, FACTOR, select(factor < LEAST_DAMPING, 0.0, factor))
-    store(state, STEPS, steps)
-    store(state, STARTING, 0.0)
-    store(state, ENDED, select(ended | (starting & ~taken), 1.0, nothing))
-    store(state, CONVERGED, select(converged, 1.0, nothing))
+    steps = load(state, Walk.STEPS) + 1.0
+    converged = (
+        taken & (left <= 0.5 * settling[Settling.STATIONARITY_TOLERANCE]) & (cost <= settling[Settling.RESTORED])
+    )
+    ended = (
+        converged
+        | (steps >= least(settling[Settling.MAX_SETTLING], MOST_STEPS))
+        | (radius < settling[Settling.LEAST_RADIUS])
+    )
+    store(state, Walk.COST, cost)
+    store(state, Walk.VALUE, select(taken, value, load(state, Walk.VALUE)))
+    store(state, Walk.LEFT, left)
+    store(state, Walk.RADIUS, radius)
+    store(state, Walk.FACTOR, select(factor < LEAST_DAMPING, 0.0, factor))
+    store(state, Walk.STEPS, steps)
+    store(state, Walk.STARTING, 0.0)
+    store(state, Walk.ENDED, select(ended | (starting & ~taken), 1.0, nothing))
+    store(state, Walk.CONVERGED, select(converged, 1.0, nothing))
 
 
 @bare_kernel
 def _solve_model(chain, settings, weights, scale, walks):
     """The step from q into dq (n,): a mask of the lanes in which the matrix is positive."""
     state, q, c, H = walks.state, walks.q, walks.c, walks.H
-    weight, radius, factor = SMALL_WEIGHT / scale, load(state, RADIUS), load(state, FACTOR)
+    weight, radius, factor = SMALL_WEIGHT / scale, load(state, Walk.RADIUS), load(state, Walk.FACTOR)
     quadratic_model(settings, walks.J, walks.e, H, c, (radius > 0.0) | ~(radius > 0.0))
     weigh(settings, walks.y, walks.weighted)
     for row in range(6):
@@ -252,20 +240,20 @@ def _solve_model(chain, settings, weights, scale, walks):
     for i in range(len(q)):
         store2(H, i, i, load2(H, i, i) + weight * (weights[i] + scale * factor))
         store(c, i, load(c, i) + weight * load(walks.slope, i))
-        store(walks.lower, i, least(most(chain[i, LOWER] - load(q, i), -radius), 0.0))
-        store(walks.upper, i, most(least(chain[i, UPPER] - load(q, i), radius), 0.0))
+        store(walks.lower, i, least(most(chain[i, Joint.LOWER] - load(q, i), -radius), 0.0))
+        store(walks.upper, i, most(least(chain[i, Joint.UPPER] - load(q, i), radius), 0.0))
     return solve_box_qps(H, c, walks.lower, walks.upper, walks.A, walks.side, walks.dq)
 
 
 @bare_kernel
 def _propose(chain, settings, scale, walks):
     """q + dq and the multipliers there into ahead (n,) and ahead_y (6,): the longest displacement of a joint."""
-    starting = load(walks.state, STARTING) > 0.0
+    starting = load(walks.state, Walk.STARTING) > 0.0
     q, dq, ahead, ahead_y, weighted = walks.q, walks.dq, walks.ahead, walks.ahead_y, walks.weighted
     longest, change = full(q, 0.0), full(q, 0.0)
     for i in range(len(q)):
         now = load(q, i)
-        low, high = chain[i, LOWER], chain[i, UPPER]
+        low, high = chain[i, Joint.LOWER], chain[i, Joint.UPPER]
         there = least(most(now + load(dq, i), low), high)
         there = select(there - low <= ON_LIMIT, low, select(high - there <= ON_LIMIT, high, there))
         longest = most(longest, size(there - now))
@@ -296,7 +284,9 @@ def _lagrangian_gradient(chain, settings, reference, weights, walks):
         for row in range(6):
             s = s + load2(J, i, row) * load(walks.weighted, row)
         store(walks.ahead_slope, i, s)
-        left = most(left, size(least(most(-GRADIENT_SCALE * s, chain[i, LOWER] - now), chain[i, UPPER] - now)))
+        left = most(
+            left, size(least(most(-GRADIENT_SCALE * s, chain[i, Joint.LOWER] - now), chain[i, Joint.UPPER] - now))
+        )
     return left / GRADIENT_SCALE
 
 
@@ -304,13 +294,13 @@ def _lagrangian_gradient(chain, settings, reference, weights, walks):
 def _augmented_lagrangian_fell(settings, settling, scale, cost, value, walks):
     """Whether `f - y^T W e + penalty/2 |W e|^2` is lower ahead than at q, with the multipliers y ahead."""
     state, ahead_y, weighted, largest = walks.state, walks.ahead_y, walks.weighted, full(walks.q, 0.0)
-    gain = load(state, VALUE) - value
+    gain = load(state, Walk.VALUE) - value
     weigh(settings, ahead_y, weighted)
     for row in range(6):
         gain = gain - load(weighted, row) * (load(walks.e, row) - load(walks.ahead_e, row))
         largest = most(largest, size(load(ahead_y, row)))
-    gain = gain + PENALTY * (scale + largest) * (load(state, COST) - cost)
-    return gain > -settling[RESOLUTION] * (scale + size(load(state, VALUE)) + largest)
+    gain = gain + PENALTY * (scale + largest) * (load(state, Walk.COST) - cost)
+    return gain > -settling[Settling.RESOLUTION] * (scale + size(load(state, Walk.VALUE)) + largest)
 
 
 @bare_kernel

@@ -11,20 +11,12 @@ from __future__ import annotations
 import math
 
 from maira_qp.kernels.jit.decorators import bare_kernel
-from maira_qp.kernels.kinematics.serial_chain import LOWER, UPPER, jacobian
+from maira_qp.kernels.kinematics.serial_chain import jacobian
+from maira_qp.kernels.layout import Joint, Setting
 from maira_qp.kernels.linalg.convexify import make_positive
 from maira_qp.kernels.qp.box_qp import solve_box_qp
 from maira_qp.kernels.refinement.posture_objective import objective_cost
-from maira_qp.kernels.search.levenberg_marquardt import (
-    ACCEPTED,
-    DAMPING,
-    LEAST_DAMPING,
-    LEAST_FACTOR,
-    LONGEST,
-    MOST_FACTOR,
-    REFUSED,
-    pose_cost,
-)
+from maira_qp.kernels.search.levenberg_marquardt import pose_cost
 from maira_qp.kernels.spatial.pose_hessian import newton_model
 
 GRADIENT_SCALE = 1e-3
@@ -48,14 +40,17 @@ def trade_off(chain, settings, target, reference, weights, weight, tolerance, mo
         if left <= tolerance or spent >= most:
             break
         spent += 1
-        mu = damping * settings[DAMPING] * 2.0 * cost + max(1.0, damping) * settings[LEAST_DAMPING] * largest
+        mu = (
+            damping * settings[Setting.DAMPING] * 2.0 * cost
+            + max(1.0, damping) * settings[Setting.LEAST_DAMPING] * largest
+        )
         for i in range(n):
             H[i, i] = diagonal[i] + mu
         if not solve_box_qp(H, c, lower, upper, work.A, work.free, work.side, work.y, dq):
             break
         moved = False
         for i in range(n):
-            trial[i] = min(max(q[i] + dq[i], chain[i, LOWER]), chain[i, UPPER])
+            trial[i] = min(max(q[i] + dq[i], chain[i, Joint.LOWER]), chain[i, Joint.UPPER])
             moved = moved or trial[i] != q[i]
         if not moved:
             break
@@ -66,10 +61,10 @@ def trade_off(chain, settings, target, reference, weights, weight, tolerance, mo
             cost, value = trial_cost, trial_value
             for i in range(n):
                 q[i] = trial[i]
-            damping = max(damping * settings[ACCEPTED], settings[LEAST_FACTOR])
+            damping = max(damping * settings[Setting.ACCEPTED], settings[Setting.LEAST_FACTOR])
         else:
-            damping *= settings[REFUSED]
-            if damping > settings[MOST_FACTOR]:
+            damping *= settings[Setting.REFUSED]
+            if damping > settings[Setting.MOST_FACTOR]:
                 break
     if not fresh:
         pose_cost(chain, settings, target, q, axes, origins, tool, e)
@@ -86,11 +81,11 @@ def _model(chain, settings, reference, weights, weight, cost, work, q):
     for i in range(n):
         H[i, i] += weight * weights[i]
         c[i] += weight * weights[i] * (q[i] - reference[i])
-        lower[i], upper[i] = chain[i, LOWER] - q[i], chain[i, UPPER] - q[i]
+        lower[i], upper[i] = chain[i, Joint.LOWER] - q[i], chain[i, Joint.UPPER] - q[i]
         known = abs(c[i]) < math.inf  # NaN is not
         slope = min(max(-GRADIENT_SCALE * c[i], lower[i]), upper[i]) / GRADIENT_SCALE if known else math.inf
         left = max(left, abs(slope))
-        lower[i], upper[i] = max(lower[i], -settings[LONGEST]), min(upper[i], settings[LONGEST])
+        lower[i], upper[i] = max(lower[i], -settings[Setting.LONGEST]), min(upper[i], settings[Setting.LONGEST])
     make_positive(H, n, work.A, work.V)
     for i in range(n):
         diagonal[i] = H[i, i]

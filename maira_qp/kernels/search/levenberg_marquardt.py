@@ -14,23 +14,10 @@ import numpy as np
 
 from maira_qp.kernels.jit.decorators import bare_kernel
 from maira_qp.kernels.jit.simd import LANES, any_lane, full, least, load, load2, most, select, store, store2
-from maira_qp.kernels.kinematics.serial_chain import LOWER, UPPER, forward, jacobian
+from maira_qp.kernels.kinematics.serial_chain import forward, jacobian
+from maira_qp.kernels.layout import Descent, Joint, Setting
 from maira_qp.kernels.qp.box_qp_simd import solve_box_qps
 from maira_qp.kernels.spatial.pose_error import pose_error
-
-# the entries of `settings`
-POSITION_WEIGHT, ORIENTATION_WEIGHT = 0, 1
-POSITION_TOLERANCE, ORIENTATION_TOLERANCE = 2, 3
-MAX_ITERATIONS, DAMPING, STALL_STEPS, STALL_RATIO = 4, 5, 6, 7
-ACCEPTED, REFUSED, LEAST_FACTOR, MOST_FACTOR, LEAST_DAMPING = 8, 9, 10, 11, 12
-LONGEST, NEAR, NEAR_BY_ERROR = 13, 14, 15
-SETTINGS = 16
-
-# the rows of `state`, a number a lane; of three of them 1.0 says yes and 0.0 no; the last is the cost of the start
-COST, FACTOR, STALL_LEFT, ITERATIONS, LARGEST, POSITION, ORIENTATION = 0, 1, 2, 3, 4, 5, 6
-STARTING, ENDED, REACHED = 7, 8, 9
-FIRST_COST = 10
-STATE = 11
 
 Lanes = namedtuple("Lanes", "state target goal tool e q trial c diagonal lower upper side dq axes origins J H A")
 """All arrays of eight descents, the lane their last axis: the state of each, its q (n,) and target (12,), and
@@ -40,24 +27,24 @@ work."""
 @bare_kernel
 def lanes_memory(n):
     """How many numbers `make_lanes` needs."""
-    return (STATE + 42 + n * (20 + 2 * n) + 1) * LANES
+    return (Descent.WIDTH + 42 + n * (20 + 2 * n) + 1) * LANES
 
 
 @bare_kernel
 def make_lanes(n, memory):
     """Eight descents of a chain of n joints, all of them ended, in the memory (lanes_memory(n),)."""
     memory = memory[(-memory.ctypes.data // 8) % LANES :]  # a row is one line of the cache
-    small, memory = memory[: (STATE + 42) * LANES].reshape(-1, LANES), memory[(STATE + 42) * LANES :]
+    small, memory = memory[: (Descent.WIDTH + 42) * LANES].reshape(-1, LANES), memory[(Descent.WIDTH + 42) * LANES :]
     vectors, memory = memory[: 8 * n * LANES].reshape(8, n, LANES), memory[8 * n * LANES :]
     lines, memory = memory[: 6 * n * LANES].reshape(2, n, 3, LANES), memory[6 * n * LANES :]
     J, memory = memory[: 6 * n * LANES].reshape(n, 6, LANES), memory[6 * n * LANES :]
     squares = memory[: 2 * n * n * LANES].reshape(2, n, n, LANES)
     lanes = Lanes(
-        small[:STATE],
-        small[STATE : STATE + 12],
-        small[STATE + 12 : STATE + 24],
-        small[STATE + 24 : STATE + 36],
-        small[STATE + 36 :],
+        small[: Descent.WIDTH],
+        small[Descent.WIDTH : Descent.WIDTH + 12],
+        small[Descent.WIDTH + 12 : Descent.WIDTH + 24],
+        small[Descent.WIDTH + 24 : Descent.WIDTH + 36],
+        small[Descent.WIDTH + 36 :],
         vectors[0],
         vectors[1],
         vectors[2],
@@ -72,7 +59,7 @@ def make_lanes(n, memory):
         squares[0],
         squares[1],
     )
-    store(lanes.state, ENDED, 1.0)
+    store(lanes.state, Descent.ENDED, 1.0)
     return lanes
 
 
@@ -83,8 +70,8 @@ def begin(state, q, target, lane, q0, wanted):
         q[i, lane] = q0[i]
     for i in range(12):
         target[i, lane] = wanted[i]
-    state[COST, lane], state[POSITION, lane], state[ORIENTATION, lane] = np.inf, np.inf, np.inf
-    state[STARTING, lane], state[ENDED, lane], state[REACHED, lane] = 1.0, 0.0, 0.0
+    state[Descent.COST, lane], state[Descent.POSITION, lane], state[Descent.ORIENTATION, lane] = np.inf, np.inf, np.inf
+    state[Descent.STARTING, lane], state[Descent.ENDED, lane], state[Descent.REACHED, lane] = 1.0, 0.0, 0.0
 
 
 @bare_kernel
@@ -93,7 +80,9 @@ def pose_cost(chain, settings, target, q, axes, origins, tool, e):
     forward(chain, q, axes, origins, tool)
     pose_error(tool, target, e)
     position, orientation = squares(e)
-    return 0.5 * (settings[POSITION_WEIGHT] ** 2 * position + settings[ORIENTATION_WEIGHT] ** 2 * orientation)
+    return 0.5 * (
+        settings[Setting.POSITION_WEIGHT] ** 2 * position + settings[Setting.ORIENTATION_WEIGHT] ** 2 * orientation
+    )
 
 
 @bare_kernel
@@ -107,8 +96,8 @@ def squares(e):
 def is_reached(settings, e):
     """The error (6,) is within the tolerances, a part with weight 0 being free."""
     position, orientation = squares(e)
-    return (position <= _largest_square(settings, POSITION_WEIGHT, POSITION_TOLERANCE)) & (
-        orientation <= _largest_square(settings, ORIENTATION_WEIGHT, ORIENTATION_TOLERANCE)
+    return (position <= _largest_square(settings, Setting.POSITION_WEIGHT, Setting.POSITION_TOLERANCE)) & (
+        orientation <= _largest_square(settings, Setting.ORIENTATION_WEIGHT, Setting.ORIENTATION_TOLERANCE)
     )
 
 
@@ -123,7 +112,7 @@ def quadratic_model(settings, J, e, H, c, renew):
 
     Where the mask `renew` is false H and c stay as they are.
     """
-    p2, o2 = settings[POSITION_WEIGHT] ** 2, settings[ORIENTATION_WEIGHT] ** 2
+    p2, o2 = settings[Setting.POSITION_WEIGHT] ** 2, settings[Setting.ORIENTATION_WEIGHT] ** 2
     e0, e1, e2, e3, e4, e5 = load(e, 0), load(e, 1), load(e, 2), load(e, 3), load(e, 4), load(e, 5)
     largest = full(c, 0.0)
     for i in range(len(c)):
@@ -146,21 +135,21 @@ def advance(chain, settings, lanes):
     """One iteration in every lane. What it does to a lane that has ended counts for nothing."""
     state, q, trial, H = lanes.state, lanes.q, lanes.trial, lanes.H
     n = len(q)
-    cost, factor, stall_left = load(state, COST), load(state, FACTOR), load(state, STALL_LEFT)
-    starting = load(state, STARTING) > 0.0
-    damping = factor * settings[DAMPING] * 2.0 * cost
-    damping = damping + most(factor, 1.0) * settings[LEAST_DAMPING] * load(state, LARGEST)
+    cost, factor, stall_left = load(state, Descent.COST), load(state, Descent.FACTOR), load(state, Descent.STALL_LEFT)
+    starting = load(state, Descent.STARTING) > 0.0
+    damping = factor * settings[Setting.DAMPING] * 2.0 * cost
+    damping = damping + most(factor, 1.0) * settings[Setting.LEAST_DAMPING] * load(state, Descent.LARGEST)
     for i in range(n):
         store2(H, i, i, load(lanes.diagonal, i) + damping)
-        store(lanes.lower, i, most(chain[i, LOWER] - load(q, i), -settings[LONGEST]))
-        store(lanes.upper, i, least(chain[i, UPPER] - load(q, i), settings[LONGEST]))
+        store(lanes.lower, i, most(chain[i, Joint.LOWER] - load(q, i), -settings[Setting.LONGEST]))
+        store(lanes.upper, i, least(chain[i, Joint.UPPER] - load(q, i), settings[Setting.LONGEST]))
     solved = starting
     if any_lane(~starting):
         solved = solve_box_qps(H, lanes.c, lanes.lower, lanes.upper, lanes.A, lanes.side, lanes.dq)
     moved = starting
     for i in range(n):
         now = load(q, i)
-        there = least(most(now + load(lanes.dq, i), chain[i, LOWER]), chain[i, UPPER])
+        there = least(most(now + load(lanes.dq, i), chain[i, Joint.LOWER]), chain[i, Joint.UPPER])
         there = select(starting, now, there)
         moved = moved | (there != now)
         store(trial, i, there)
@@ -177,24 +166,30 @@ def advance(chain, settings, lanes):
     reached = better & is_reached(settings, lanes.e)
     stall_left = select(
         better,
-        select(value < (1.0 - settings[STALL_RATIO]) * cost, settings[STALL_STEPS], stall_left - 1.0),
+        select(value < (1.0 - settings[Setting.STALL_RATIO]) * cost, settings[Setting.STALL_STEPS], stall_left - 1.0),
         stall_left,
     )
-    factor = select(better, most(factor * settings[ACCEPTED], settings[LEAST_FACTOR]), factor * settings[REFUSED])
+    factor = select(
+        better,
+        most(factor * settings[Setting.ACCEPTED], settings[Setting.LEAST_FACTOR]),
+        factor * settings[Setting.REFUSED],
+    )
     factor = select(starting, 1.0, factor)
-    iterations = select(starting, 0.0, load(state, ITERATIONS) + 1.0)
+    iterations = select(starting, 0.0, load(state, Descent.ITERATIONS) + 1.0)
     ended = (
-        (stall_left <= 0.0) | (iterations >= settings[MAX_ITERATIONS]) | ((factor > settings[MOST_FACTOR]) & ~better)
+        (stall_left <= 0.0)
+        | (iterations >= settings[Setting.MAX_ITERATIONS])
+        | ((factor > settings[Setting.MOST_FACTOR]) & ~better)
     )
     ended = ended | reached | (solved & ~moved) | (starting & ~better)
-    store(state, FIRST_COST, select(starting, value, load(state, FIRST_COST)))
-    store(state, COST, select(better, value, cost))
-    store(state, FACTOR, factor)
-    store(state, STALL_LEFT, stall_left)
-    store(state, ITERATIONS, iterations)
-    store(state, LARGEST, largest)
-    store(state, POSITION, select(better, position, load(state, POSITION)))
-    store(state, ORIENTATION, select(better, orientation, load(state, ORIENTATION)))
-    store(state, STARTING, 0.0)
-    store(state, ENDED, select(ended, 1.0, full(q, 0.0)))
-    store(state, REACHED, select(reached, 1.0, full(q, 0.0)))
+    store(state, Descent.FIRST_COST, select(starting, value, load(state, Descent.FIRST_COST)))
+    store(state, Descent.COST, select(better, value, cost))
+    store(state, Descent.FACTOR, factor)
+    store(state, Descent.STALL_LEFT, stall_left)
+    store(state, Descent.ITERATIONS, iterations)
+    store(state, Descent.LARGEST, largest)
+    store(state, Descent.POSITION, select(better, position, load(state, Descent.POSITION)))
+    store(state, Descent.ORIENTATION, select(better, orientation, load(state, Descent.ORIENTATION)))
+    store(state, Descent.STARTING, 0.0)
+    store(state, Descent.ENDED, select(ended, 1.0, full(q, 0.0)))
+    store(state, Descent.REACHED, select(reached, 1.0, full(q, 0.0)))

@@ -14,54 +14,23 @@ import numpy as np
 
 from maira_qp.kernels.jit.decorators import bare_kernel
 from maira_qp.kernels.jit.simd import LANES, any_lane, load
-from maira_qp.kernels.kinematics.serial_chain import LOWER, UPPER
 from maira_qp.kernels.kinematics.unwrap import nearest_turn
-from maira_qp.kernels.search.levenberg_marquardt import (
-    COST,
-    ENDED,
-    FIRST_COST,
-    ITERATIONS,
-    NEAR,
-    NEAR_BY_ERROR,
-    ORIENTATION,
-    ORIENTATION_WEIGHT,
-    POSITION,
-    POSITION_WEIGHT,
-    REACHED,
-    advance,
-    begin,
-    lanes_memory,
-    make_lanes,
-)
+from maira_qp.kernels.layout import Descent, Joint, Lane, Outcome, Setting, Slot, SlotBest
+from maira_qp.kernels.search.levenberg_marquardt import advance, begin, lanes_memory, make_lanes
 from maira_qp.kernels.search.random_numbers import state_of, stream_of
 from maira_qp.kernels.search.seeds import CORNER, find_nearest, has_long_slides, place_slides, random_start
 from maira_qp.kernels.spatial.pose_validation import FINE, pose_row
 
 NOBODY = -1
+"""In place of a slot or of its target: there is none."""
 
 FARTHEST_START, TOO_FAR = 1e5, -1
 """Joint values [rad or m] beyond the first the kernels do not begin at: their sine loses digits; or NaN."""
 
-# the entries of an outcome
-SUCCESS, ATTEMPT, SPENT, FINAL_COST, POSITION_ERROR, ORIENTATION_ERROR, MOVED = 0, 1, 2, 3, 4, 5, 6
-WANDERED, LEFT = 7, 8
-OUTCOME = 9
-
-PROVED = -1.0
-"""In place of SUCCESS, written by whoever proves it: the target cannot be reached."""
-
-# the columns of `slots`, the targets that are open, eight at most: its number (`NOBODY`: the slot is free), the attempt
-# that comes next, how many are under way, the first that arrived (past the last: none), the one that `found` is from
-TARGET, FOLLOWING, RUNNING, WINNER, BEST = 0, 1, 2, 3, 4
-SLOT = 5
-
-# the columns of `lane_of`: the slot that a lane serves (`NOBODY`: none), and which attempt it makes
-SERVES, MAKES = 0, 1
-
 
 def memory_sizes(n, attempts):
     """How many numbers `search` needs as `floats` and as `integers`, for a chain of n joints."""
-    return lanes_memory(n) + n + LANES * (4 + n), LANES * (2 + SLOT + LANES + attempts)
+    return lanes_memory(n) + n + LANES * (SlotBest.Q + n), LANES * (Lane.WIDTH + Slot.WIDTH + LANES + attempts)
 
 
 @bare_kernel
@@ -97,24 +66,24 @@ def search(
     lanes, floats = make_lanes(n, floats), floats[lanes_memory(n) :]
     q0 = floats[:n]
     # of each slot: cost, squared errors, cost of the start and q; its starts in the library; every attempt's iterations
-    found = floats[n : n + (4 + n) * LANES].reshape(LANES, 4 + n)
+    found = floats[n : n + (SlotBest.Q + n) * LANES].reshape(LANES, SlotBest.Q + n)
     nearest = integers[: LANES * LANES].reshape(LANES, LANES)
     spent = integers[LANES * LANES : LANES * (LANES + attempts)].reshape(LANES, attempts)
     integers = integers[LANES * (LANES + attempts) :]
-    slots = integers[: SLOT * LANES].reshape(LANES, SLOT)
-    lane_of = integers[SLOT * LANES : (SLOT + 2) * LANES].reshape(LANES, 2)
+    slots = integers[: Slot.WIDTH * LANES].reshape(LANES, Slot.WIDTH)
+    lane_of = integers[Slot.WIDTH * LANES : (Slot.WIDTH + Lane.WIDTH) * LANES].reshape(LANES, Lane.WIDTH)
     for lane in range(LANES):
-        lane_of[lane, SERVES], slots[lane, TARGET] = NOBODY, NOBODY
+        lane_of[lane, Lane.SERVES], slots[lane, Slot.TARGET] = NOBODY, NOBODY
     opened, open_ends = 0, 0
     while True:
-        if any_lane(load(lanes.state, ENDED) > 0.0):
+        if any_lane(load(lanes.state, Descent.ENDED) > 0.0):
             _collect(lanes.state, lanes.q, lane_of, slots, found, spent, first, last)
             open_ends += _close(chain, settings, starts, slots, found, spent, first, last, q, outcome)
             busy = False
             for lane in range(LANES):
-                if lane_of[lane, SERVES] == NOBODY:
+                if lane_of[lane, Lane.SERVES] == NOBODY:
                     slot = _slot_to_serve(slots, last)
-                    while opened < len(targets) and (slot == NOBODY or slots[slot, RUNNING] > 0):
+                    while opened < len(targets) and (slot == NOBODY or slots[slot, Slot.RUNNING] > 0):
                         if _is_finite(targets, opened):
                             slot = _open(slots, found, opened, first, last)
                             if last >= len(starts[:1]):
@@ -124,11 +93,11 @@ def search(
                             open_ends += 1
                         opened += 1
                     if slot != NOBODY:
-                        k, attempt = slots[slot, TARGET], slots[slot, FOLLOWING]
+                        k, attempt = slots[slot, Slot.TARGET], slots[slot, Slot.FOLLOWING]
                         place = attempt - (len(starts) > 0)
                         if place < 0:
                             for i in range(n):
-                                q0[i] = min(max(starts[k, i], chain[i, LOWER]), chain[i, UPPER])
+                                q0[i] = min(max(starts[k, i], chain[i, Joint.LOWER]), chain[i, Joint.UPPER])
                         elif place < LANES:
                             turn = streams[k] >> np.uint64(32) if shuffled else np.uint64(0)
                             _copy(library, nearest[slot, (place + np.int64(turn)) % LANES], q0)
@@ -140,10 +109,10 @@ def search(
                                 chain, settings, targets[k], candidates, attempt % CORNER == 1, state, lanes, q0
                             )
                         begin(lanes.state, lanes.q, lanes.target, lane, q0, targets[k])
-                        lane_of[lane, SERVES], lane_of[lane, MAKES] = slot, attempt
-                        slots[slot, FOLLOWING] += 1
-                        slots[slot, RUNNING] += 1
-                busy = busy or lane_of[lane, SERVES] != NOBODY
+                        lane_of[lane, Lane.SERVES], lane_of[lane, Lane.MAKES] = slot, attempt
+                        slots[slot, Slot.FOLLOWING] += 1
+                        slots[slot, Slot.RUNNING] += 1
+                busy = busy or lane_of[lane, Lane.SERVES] != NOBODY
             if not busy:
                 return open_ends
         advance(chain, settings, lanes)
@@ -159,31 +128,32 @@ def _copy(rows, k, row):
 def _collect(state, lane_q, lane_of, slots, found, spent, first, last):
     """Note the attempts that have ended, and break off those that can no longer count."""
     for lane in range(LANES):
-        slot, attempt = lane_of[lane, SERVES], lane_of[lane, MAKES]
-        if slot == NOBODY or state[ENDED, lane] == 0.0:
+        slot, attempt = lane_of[lane, Lane.SERVES], lane_of[lane, Lane.MAKES]
+        if slot == NOBODY or state[Descent.ENDED, lane] == 0.0:
             continue
-        lane_of[lane, SERVES] = NOBODY
-        slots[slot, RUNNING] -= 1
-        spent[slot, attempt - first] = int(state[ITERATIONS, lane])
-        cost = state[COST, lane]
-        if state[REACHED, lane] > 0.0:
-            better = attempt < slots[slot, WINNER]
-            slots[slot, WINNER] = min(attempt, slots[slot, WINNER])
+        lane_of[lane, Lane.SERVES] = NOBODY
+        slots[slot, Slot.RUNNING] -= 1
+        spent[slot, attempt - first] = int(state[Descent.ITERATIONS, lane])
+        cost = state[Descent.COST, lane]
+        if state[Descent.REACHED, lane] > 0.0:
+            better = attempt < slots[slot, Slot.WINNER]
+            slots[slot, Slot.WINNER] = min(attempt, slots[slot, Slot.WINNER])
         else:
-            tie = cost == found[slot, 0] and attempt < slots[slot, BEST]
-            better = slots[slot, WINNER] > last and (cost < found[slot, 0] or tie)
+            tie = cost == found[slot, SlotBest.COST] and attempt < slots[slot, Slot.BEST]
+            better = slots[slot, Slot.WINNER] > last and (cost < found[slot, SlotBest.COST] or tie)
         if better:
-            slots[slot, BEST] = attempt
-            found[slot, 0], found[slot, 1], found[slot, 2] = cost, state[POSITION, lane], state[ORIENTATION, lane]
-            found[slot, 3] = state[FIRST_COST, lane]
+            slots[slot, Slot.BEST] = attempt
+            found[slot, SlotBest.COST], found[slot, SlotBest.POSITION] = cost, state[Descent.POSITION, lane]
+            found[slot, SlotBest.ORIENTATION] = state[Descent.ORIENTATION, lane]
+            found[slot, SlotBest.FIRST_COST] = state[Descent.FIRST_COST, lane]
             for i in range(len(lane_q)):
-                found[slot, 4 + i] = lane_q[i, lane]
+                found[slot, SlotBest.Q + i] = lane_q[i, lane]
     for lane in range(LANES):
-        slot = lane_of[lane, SERVES]
-        if slot != NOBODY and lane_of[lane, MAKES] > slots[slot, WINNER]:
-            lane_of[lane, SERVES] = NOBODY
-            slots[slot, RUNNING] -= 1
-            state[ENDED, lane] = 1.0
+        slot = lane_of[lane, Lane.SERVES]
+        if slot != NOBODY and lane_of[lane, Lane.MAKES] > slots[slot, Slot.WINNER]:
+            lane_of[lane, Lane.SERVES] = NOBODY
+            slots[slot, Slot.RUNNING] -= 1
+            state[Descent.ENDED, lane] = 1.0
 
 
 @bare_kernel
@@ -191,26 +161,37 @@ def _close(chain, settings, starts, slots, found, spent, first, last, q, outcome
     """Write down what became of the targets that are done, and free their slots: how many are not settled by that."""
     open_ends = 0
     for slot in range(LANES):
-        k, winner = slots[slot, TARGET], slots[slot, WINNER]
-        if k == NOBODY or slots[slot, RUNNING] > 0 or (winner > last and slots[slot, FOLLOWING] <= last):
+        k, winner = slots[slot, Slot.TARGET], slots[slot, Slot.WINNER]
+        if k == NOBODY or slots[slot, Slot.RUNNING] > 0 or (winner > last and slots[slot, Slot.FOLLOWING] <= last):
             continue
-        slots[slot, TARGET] = NOBODY
+        slots[slot, Slot.TARGET] = NOBODY
         iterations = 0
         for attempt in range(min(winner, last) - first + 1):
             iterations += spent[slot, attempt]
         for i in range(q.shape[1]):
-            q[k, i] = found[slot, 4 + i]
-        outcome[k, SUCCESS], outcome[k, ATTEMPT], outcome[k, SPENT] = winner <= last, min(winner, last), iterations
-        outcome[k, FINAL_COST] = found[slot, 0]
-        outcome[k, MOVED] = len(starts) > 0 and _is_outside(chain, starts, k)
-        outcome[k, POSITION_ERROR] = np.sqrt(found[slot, 1]) if settings[POSITION_WEIGHT] > 0.0 else 0.0
-        outcome[k, ORIENTATION_ERROR] = np.sqrt(found[slot, 2]) if settings[ORIENTATION_WEIGHT] > 0.0 else 0.0
-        outcome[k, WANDERED], outcome[k, LEFT] = 0.0, 0.0
+            q[k, i] = found[slot, SlotBest.Q + i]
+        outcome[k, Outcome.SUCCESS], outcome[k, Outcome.ATTEMPT] = winner <= last, min(winner, last)
+        outcome[k, Outcome.SPENT] = iterations
+        outcome[k, Outcome.FINAL_COST] = found[slot, SlotBest.COST]
+        outcome[k, Outcome.MOVED] = len(starts) > 0 and _is_outside(chain, starts, k)
+        outcome[k, Outcome.POSITION_ERROR] = (
+            np.sqrt(found[slot, SlotBest.POSITION]) if settings[Setting.POSITION_WEIGHT] > 0.0 else 0.0
+        )
+        outcome[k, Outcome.ORIENTATION_ERROR] = (
+            np.sqrt(found[slot, SlotBest.ORIENTATION]) if settings[Setting.ORIENTATION_WEIGHT] > 0.0 else 0.0
+        )
+        outcome[k, Outcome.WANDERED], outcome[k, Outcome.LEFT] = 0.0, 0.0
         if len(starts) > 0:
             farthest = _turn_to_start(chain, starts, k, q)
-            expected = settings[NEAR_BY_ERROR] * np.sqrt(np.sqrt(2.0 * found[slot, 3])) if winner <= last else 0.0
-            outcome[k, WANDERED] = slots[slot, BEST] == 0 and farthest > max(settings[NEAR], expected)
-        open_ends += winner > last or outcome[k, WANDERED] > 0.0
+            expected = (
+                settings[Setting.NEAR_BY_ERROR] * np.sqrt(np.sqrt(2.0 * found[slot, SlotBest.FIRST_COST]))
+                if winner <= last
+                else 0.0
+            )
+            outcome[k, Outcome.WANDERED] = slots[slot, Slot.BEST] == 0 and farthest > max(
+                settings[Setting.NEAR], expected
+            )
+        open_ends += winner > last or outcome[k, Outcome.WANDERED] > 0.0
     return open_ends
 
 
@@ -219,7 +200,7 @@ def _turn_to_start(chain, starts, k, q):
     """Turn each joint of q[k] to the turn nearest to starts[k], moved inside: how far the farthest is from there."""
     farthest = 0.0
     for i in range(q.shape[1]):
-        start = min(max(starts[k, i], chain[i, LOWER]), chain[i, UPPER])
+        start = min(max(starts[k, i], chain[i, Joint.LOWER]), chain[i, Joint.UPPER])
         q[k, i] = nearest_turn(chain, i, q[k, i], start)
         farthest = max(farthest, abs(q[k, i] - start))
     return farthest
@@ -230,9 +211,9 @@ def _slot_to_serve(slots, last):
     """The open slot that needs an attempt most: with none under way, else with the fewest; `NOBODY` if none does."""
     served = NOBODY
     for slot in range(LANES):
-        unsolved = slots[slot, TARGET] != NOBODY and slots[slot, WINNER] > last
-        fewest = served == NOBODY or slots[slot, RUNNING] < slots[served, RUNNING]
-        if unsolved and slots[slot, FOLLOWING] <= last and fewest:
+        unsolved = slots[slot, Slot.TARGET] != NOBODY and slots[slot, Slot.WINNER] > last
+        fewest = served == NOBODY or slots[slot, Slot.RUNNING] < slots[served, Slot.RUNNING]
+        if unsolved and slots[slot, Slot.FOLLOWING] <= last and fewest:
             served = slot
     return served
 
@@ -241,11 +222,11 @@ def _slot_to_serve(slots, last):
 def _open(slots, found, k, first, last):
     """Take target k into a free slot."""
     slot = 0
-    while slots[slot, TARGET] != NOBODY:
+    while slots[slot, Slot.TARGET] != NOBODY:
         slot += 1
-    slots[slot, TARGET], slots[slot, FOLLOWING], slots[slot, RUNNING] = k, first, 0
-    slots[slot, WINNER], slots[slot, BEST] = last + 1, last + 1
-    found[slot, 0] = np.inf
+    slots[slot, Slot.TARGET], slots[slot, Slot.FOLLOWING], slots[slot, Slot.RUNNING] = k, first, 0
+    slots[slot, Slot.WINNER], slots[slot, Slot.BEST] = last + 1, last + 1
+    found[slot, SlotBest.COST] = np.inf
     return slot
 
 
@@ -261,17 +242,18 @@ def _is_finite(targets, k):
 def _refuse(chain, k, q, outcome):
     """The outcome of a target that is not finite."""
     for i in range(q.shape[1]):
-        q[k, i] = min(max(0.0, chain[i, LOWER]), chain[i, UPPER])
-    outcome[k, SUCCESS], outcome[k, ATTEMPT], outcome[k, SPENT] = 0.0, 0.0, 0.0
-    outcome[k, FINAL_COST], outcome[k, POSITION_ERROR], outcome[k, ORIENTATION_ERROR] = np.nan, np.nan, np.nan
-    outcome[k, MOVED], outcome[k, WANDERED], outcome[k, LEFT] = 0.0, 0.0, 0.0
+        q[k, i] = min(max(0.0, chain[i, Joint.LOWER]), chain[i, Joint.UPPER])
+    outcome[k, Outcome.SUCCESS], outcome[k, Outcome.ATTEMPT], outcome[k, Outcome.SPENT] = 0.0, 0.0, 0.0
+    outcome[k, Outcome.FINAL_COST], outcome[k, Outcome.POSITION_ERROR] = np.nan, np.nan
+    outcome[k, Outcome.ORIENTATION_ERROR] = np.nan
+    outcome[k, Outcome.MOVED], outcome[k, Outcome.WANDERED], outcome[k, Outcome.LEFT] = 0.0, 0.0, 0.0
 
 
 @bare_kernel
 def _is_outside(chain, rows, k):
     outside = False
     for i in range(rows.shape[1]):
-        outside = outside or rows[k, i] < chain[i, LOWER] or rows[k, i] > chain[i, UPPER]
+        outside = outside or rows[k, i] < chain[i, Joint.LOWER] or rows[k, i] > chain[i, Joint.UPPER]
     return outside
 
 

@@ -15,8 +15,8 @@ from numba import uint64
 
 from maira_qp.kernels.jit.decorators import bare_kernel
 from maira_qp.kernels.jit.simd import LANES, full, load2, select, store
-from maira_qp.kernels.kinematics.serial_chain import LOWER, PRISMATIC, START_LOWER, START_UPPER, UPPER
-from maira_qp.kernels.search.levenberg_marquardt import ORIENTATION_WEIGHT, POSITION_WEIGHT, make_lanes, pose_cost
+from maira_qp.kernels.layout import Feature, Joint, Setting
+from maira_qp.kernels.search.levenberg_marquardt import make_lanes, pose_cost
 from maira_qp.kernels.search.random_numbers import next_random
 
 CORNER = 4
@@ -26,15 +26,10 @@ SWEEPS, PLACED = 200, 1e-6
 """Times at most that slides are placed one after the other, and steps [m] after which they are there. At right angles
 one time is enough."""
 
-SQUARE, FEATURES = 12, 13
-"""Numbers kept of a pose: R and p, weighted so that half a squared distance is near the pose cost, and their square.
-
-To the square may be added what else counts against starting there, as twice a cost."""
-
 
 @bare_kernel
 def fill_library(settings, poses, features):
-    """Features (K / LANES, FEATURES, LANES) of tool poses (K, 12)."""
+    """Features (K / LANES, Feature.WIDTH, LANES) of tool poses (K, 12)."""
     turning, moving = _pose_weights(settings)
     for k in range(len(poses)):
         square = 0.0
@@ -42,13 +37,13 @@ def fill_library(settings, poses, features):
             feature = poses[k, i] * (turning if i < 9 else moving)
             features[k // LANES, i, k % LANES] = feature
             square += feature * feature
-        features[k // LANES, SQUARE, k % LANES] = square
+        features[k // LANES, Feature.SQUARE, k % LANES] = square
 
 
 @bare_kernel
 def _pose_weights(settings):
     """Of the entries of R and of p: |R - R_d|^2 is twice the squared angle between the two where that is small."""
-    return settings[ORIENTATION_WEIGHT] * np.sqrt(0.5), settings[POSITION_WEIGHT]
+    return settings[Setting.ORIENTATION_WEIGHT] * np.sqrt(0.5), settings[Setting.POSITION_WEIGHT]
 
 
 @bare_kernel
@@ -65,7 +60,8 @@ def find_nearest(settings, features, target, work, nearest):
         b = load2(features, k, 3) * t3 + load2(features, k, 4) * t4 + load2(features, k, 5) * t5
         c = load2(features, k, 6) * t6 + load2(features, k, 7) * t7 + load2(features, k, 8) * t8
         d = load2(features, k, 9) * t9 + load2(features, k, 10) * t10 + load2(features, k, 11) * t11
-        distance = load2(features, k, SQUARE) - 2.0 * ((a + b) + (c + d))  # squared, less the target's own square
+        # squared, less the target's own square
+        distance = load2(features, k, Feature.SQUARE) - 2.0 * ((a + b) + (c + d))
         nearer = distance < least
         least, block = select(nearer, distance, least), select(nearer, 1.0 * k, block)
     store(work, 0, least)
@@ -95,7 +91,7 @@ def random_start(chain, settings, target, candidates, at_corner, state, lanes, b
                 share = (bits >> uint64(11)) * (1.0 / 9007199254740992.0)
                 if at_corner:
                     share = np.floor(share + 0.5)
-                low, high = chain[i, START_LOWER], chain[i, START_UPPER]
+                low, high = chain[i, Joint.START_LOWER], chain[i, Joint.START_UPPER]
                 lanes.trial[i, lane] = min(max((1.0 - share) * low + share * high, low), high)
         if has_long_slides(chain):
             for lane in range(LANES):
@@ -125,8 +121,8 @@ def has_long_slides(chain):
 
 @bare_kernel
 def _is_long(chain, i):
-    cut = chain[i, START_LOWER] > chain[i, LOWER] or chain[i, START_UPPER] < chain[i, UPPER]
-    return chain[i, PRISMATIC] != 0.0 and cut
+    cut = chain[i, Joint.START_LOWER] > chain[i, Joint.LOWER] or chain[i, Joint.START_UPPER] < chain[i, Joint.UPPER]
+    return chain[i, Joint.PRISMATIC] != 0.0 and cut
 
 
 @bare_kernel
@@ -137,7 +133,7 @@ def place_slides(chain, settings, target, lanes, q):
     what the lanes keep for themselves only in passing.
     """
     n = len(q)
-    if settings[POSITION_WEIGHT] == 0.0:
+    if settings[Setting.POSITION_WEIGHT] == 0.0:
         return
     axes, origins = lanes.axes.reshape(-1)[: 3 * n].reshape(n, 3), lanes.origins.reshape(-1)[: 3 * n].reshape(n, 3)
     tool, e = lanes.tool.reshape(-1)[:12], lanes.e.reshape(-1)[:6]
@@ -147,7 +143,7 @@ def place_slides(chain, settings, target, lanes, q):
         for i in range(n):
             if _is_long(chain, i):
                 step = axes[i, 0] * e[0] + axes[i, 1] * e[1] + axes[i, 2] * e[2]
-                place = min(max(q[i] + step, chain[i, LOWER]), chain[i, UPPER])
+                place = min(max(q[i] + step, chain[i, Joint.LOWER]), chain[i, Joint.UPPER])
                 for k in range(3):
                     e[k] -= (place - q[i]) * axes[i, k]
                 longest = max(longest, abs(place - q[i]))

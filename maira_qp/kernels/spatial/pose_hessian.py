@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from maira_qp.kernels.jit.decorators import bare_kernel
 from maira_qp.kernels.jit.simd import load, load2, store, store2
-from maira_qp.kernels.search.levenberg_marquardt import ORIENTATION_WEIGHT, POSITION_WEIGHT, quadratic_model
+from maira_qp.kernels.layout import Setting
+from maira_qp.kernels.search.levenberg_marquardt import quadratic_model
 from maira_qp.kernels.spatial.so3 import flattening
 
 
@@ -12,8 +13,8 @@ from maira_qp.kernels.spatial.so3 import flattening
 def weigh(settings, x, y):
     """`y = W x`, both (6,)."""
     for row in range(3):
-        store(y, row, settings[POSITION_WEIGHT] * load(x, row))
-        store(y, row + 3, settings[ORIENTATION_WEIGHT] * load(x, row + 3))
+        store(y, row, settings[Setting.POSITION_WEIGHT] * load(x, row))
+        store(y, row + 3, settings[Setting.ORIENTATION_WEIGHT] * load(x, row + 3))
 
 
 @bare_kernel
@@ -57,7 +58,7 @@ def subtract_flattening(settings, J, e, H):
     The compiled form of the last term of `problem.tasks.frame.FrameTask.hessian`, `k (w x phi) . (w x phi)`.
     """
     x, y, z = load(e, 3), load(e, 4), load(e, 5)
-    k = flattening(x * x + y * y + z * z) * settings[ORIENTATION_WEIGHT] ** 2
+    k = flattening(x * x + y * y + z * z) * settings[Setting.ORIENTATION_WEIGHT] ** 2
     for j in range(len(J)):
         w0, w1, w2 = load2(J, j, 3), load2(J, j, 4), load2(J, j, 5)
         a, b, c = k * (y * w2 - z * w1), k * (z * w0 - x * w2), k * (x * w1 - y * w0)

@@ -8,12 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.layout import Davenport
 from maira_qp.kernels.spatial.vectors import cross, dot
-
-# the entries of a joint: its axes, a unit vector across c, phi, difference and sum of the angles between the axes
-A, B, C, ACROSS = 0, 3, 6, 9
-PHASE, DIFFERENCE, SUM = 12, 13, 14
-JOINT = 15
 
 
 @bare_kernel
@@ -22,8 +18,9 @@ def davenport_angles(joint, R, reached_within, q):
 
     Up to `reached_within` [rad] a hole is none. Angles are in (-pi, pi] but the middle ones, which are not wrapped.
     """
-    a, b, c, e = _vector(joint, A), _vector(joint, B), _vector(joint, C), _vector(joint, ACROSS)
-    h, difference, total = cross(c, e), joint[DIFFERENCE], joint[SUM]
+    a, b, c = _vector(joint, Davenport.A), _vector(joint, Davenport.B), _vector(joint, Davenport.C)
+    e = _vector(joint, Davenport.ACROSS)
+    h, difference, total = cross(c, e), joint[Davenport.DIFFERENCE], joint[Davenport.SUM]
     for k in range(len(R)):
         y, turned = _times(R, k, c), _times(R, k, e)
         across = cross(a, y)
@@ -34,7 +31,7 @@ def davenport_angles(joint, R, reached_within, q):
         if not max(abs(difference) - gamma, gamma - (np.pi - abs(np.pi - total))) <= reached_within:
             theta = np.nan
         for branch in range(2):
-            middle = joint[PHASE] + (1.0 - 2.0 * branch) * theta
+            middle = joint[Davenport.PHASE] + (1.0 - 2.0 * branch) * theta
             x = cross(a, _turned(b, middle, c))  # short near a singularity, as `across` is, but of exact direction
             first = np.arctan2(dot(cross(a, x), across), dot(x, across))
             left = _turned(b, -middle, _turned(a, -first, turned))

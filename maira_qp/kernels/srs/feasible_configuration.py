@@ -11,27 +11,9 @@ import numpy as np
 
 from maira_qp.kernels.jit.decorators import bare_kernel
 from maira_qp.kernels.jit.simd_trig import sine_cosine
-from maira_qp.kernels.srs.spherical_joint import FIRST, LAST, MIDDLE, RANGE, RANGES, angle, discriminant
-from maira_qp.kernels.srs.spherical_joint import LOWER as JOINT_LOWER
-from maira_qp.kernels.srs.spherical_joint import UPPER as JOINT_UPPER
-from maira_qp.kernels.srs.swivel import (
-    COS_HALF,
-    ELBOW,
-    LARGEST,
-    LENGTH,
-    LOWER,
-    SHOULDER,
-    SMALLEST,
-    UPPER,
-    approach,
-    bend,
-    branch_at,
-    elbow_from_middle,
-    first_within,
-    swing,
-    values_at,
-)
-from maira_qp.kernels.srs.swivel import MIDDLE as ELBOW_MIDDLE
+from maira_qp.kernels.layout import Axis, Elbow, Part, Range, Spherical
+from maira_qp.kernels.srs.spherical_joint import angle, discriminant
+from maira_qp.kernels.srs.swivel import approach, bend, branch_at, elbow_from_middle, first_within, swing, values_at
 from maira_qp.kernels.srs.swivel_intervals import block, widest_gap
 
 WITHIN = 1e-12
@@ -70,18 +52,18 @@ def start(arm, target, offset, work, q):
 @bare_kernel
 def spans(arm, distance):
     """Whether shoulder and wrist come to this distance [m] from each other, whatever the limits."""
-    slack = _REACHED_WITHIN * arm[ELBOW, LENGTH]
-    return arm[ELBOW, SMALLEST] - slack <= distance <= arm[ELBOW, LARGEST] + slack
+    slack = _REACHED_WITHIN * arm[Part.ELBOW, Elbow.LENGTH]
+    return arm[Part.ELBOW, Elbow.SMALLEST] - slack <= distance <= arm[Part.ELBOW, Elbow.LARGEST] + slack
 
 
 @bare_kernel
 def bends(arm, cosine, sine, sign, q):
     """Whether the elbow is within its limits; its angle goes into q."""
     x, y = elbow_from_middle(arm, cosine, sine, sign)
-    if x < arm[ELBOW, COS_HALF] - WITHIN:
+    if x < arm[Part.ELBOW, Elbow.COS_HALF] - WITHIN:
         return False
-    q[3] = arm[ELBOW, ELBOW_MIDDLE] + np.arctan2(y, x)
-    return _clip(q, 3, arm[ELBOW, LOWER], arm[ELBOW, UPPER])
+    q[3] = arm[Part.ELBOW, Elbow.MIDDLE] + np.arctan2(y, x)
+    return _clip(q, 3, arm[Part.ELBOW, Elbow.LOWER], arm[Part.ELBOW, Elbow.UPPER])
 
 
 @bare_kernel
@@ -94,19 +76,19 @@ def _put(arm, circles, c, s, q):
 @bare_kernel
 def turns(arm, circles, part, tau, c, s, q):
     """Whether shoulder or wrist is within its limits on a branch at a swivel angle, 0 for none; it goes into q."""
-    joint = arm[SHOULDER + part]
+    joint = arm[Part.SHOULDER + part]
     z, p, r, p_last, r_last = values_at(circles, part, c, s)
     if tau == 0.0 or p * p + r * r < _SINGULAR:
         return False
-    square = discriminant(joint, FIRST, z, p, r)
+    square = discriminant(joint, Axis.FIRST, z, p, r)
     first, step = (0, 1) if part == 0 else (6, -1)
-    q[first] = angle(joint, FIRST, z, p, r, square, tau)
-    q[first + step] = angle(joint, MIDDLE, z, p, r, square, tau)
-    q[first + 2 * step] = angle(joint, LAST, z, p_last, r_last, square, tau)
+    q[first] = angle(joint, Axis.FIRST, z, p, r, square, tau)
+    q[first + step] = angle(joint, Axis.MIDDLE, z, p, r, square, tau)
+    q[first + 2 * step] = angle(joint, Axis.LAST, z, p_last, r_last, square, tau)
     within = True
     for k in range(3):
-        i = RANGES + RANGE * k
-        within = _clip(q, first + k * step, joint[i + JOINT_LOWER], joint[i + JOINT_UPPER]) and within
+        i = Spherical.RANGES + Range.WIDTH * k
+        within = _clip(q, first + k * step, joint[i + Range.LOWER], joint[i + Range.UPPER]) and within
     return within
 
 

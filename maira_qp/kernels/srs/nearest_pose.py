@@ -12,28 +12,13 @@ import numpy as np
 
 from maira_qp.kernels.jit.decorators import bare_kernel, kernel
 from maira_qp.kernels.jit.simd import LANES
+from maira_qp.kernels.layout import Axis, Clipped, Elbow, Outcome, Part, Range, Spherical
 from maira_qp.kernels.refinement.newton_simd import newton_in_lanes
 from maira_qp.kernels.search.levenberg_marquardt import lanes_memory, pose_cost, squares
-from maira_qp.kernels.search.multi_start import ATTEMPT, FINAL_COST, MOVED, ORIENTATION_ERROR, POSITION_ERROR, SPENT
 from maira_qp.kernels.srs.feasible_configuration import start
 from maira_qp.kernels.srs.reach import TURN
-from maira_qp.kernels.srs.spherical_joint import FIRST, LAST, MIDDLE, RANGE, RANGES, angle, discriminant
-from maira_qp.kernels.srs.spherical_joint import LOWER as JOINT_LOWER
-from maira_qp.kernels.srs.spherical_joint import UPPER as JOINT_UPPER
-from maira_qp.kernels.srs.swivel import (
-    CENTRE,
-    ELBOW,
-    LEVER,
-    LOWER,
-    SHOULDER,
-    UPPER,
-    approach,
-    bend,
-    elbow_from_middle,
-    swing,
-    values_at,
-)
-from maira_qp.kernels.srs.swivel import MIDDLE as ELBOW_MIDDLE
+from maira_qp.kernels.srs.spherical_joint import angle, discriminant
+from maira_qp.kernels.srs.swivel import approach, bend, elbow_from_middle, swing, values_at
 from maira_qp.kernels.srs.swivel_intervals import FLOATS, INTEGERS, make_work
 
 STARTS = 5
@@ -41,7 +26,7 @@ STARTS = 5
 SWIVELS = 6
 """Swivel angles that each is looked at on, evenly around the circle."""
 _COS, _SIN = np.cos(2 * np.pi / SWIVELS), np.sin(2 * np.pi / SWIVELS)
-_BRANCHES, _MISS = 8, 3
+_BRANCHES = 8
 
 
 @kernel
@@ -56,7 +41,7 @@ def nearest_in_closed_form(chain, settings, arm, span, targets, streams, shuffle
     starts, left = np.full((count * STARTS, n), np.nan), np.empty(count * STARTS)
     steps, integers = np.empty(count * STARTS, np.int64), np.empty(max(INTEGERS, LANES), np.int64)
     floats, kinematics = np.empty(max(FLOATS, lanes_memory(n))), np.empty((2 * n + 10, 3))
-    candidates, costs, parts = np.empty((_BRANCHES, n)), np.empty(_BRANCHES), np.empty((2, 2, _MISS + 1))
+    candidates, costs, parts = np.empty((_BRANCHES, n)), np.empty(_BRANCHES), np.empty((2, 2, Clipped.WIDTH))
     for k in range(count):
         offset = TURN * np.float64(streams[k] >> np.uint64(32)) if shuffled else 0.0
         own = starts[k * STARTS : (k + 1) * STARTS]
@@ -72,14 +57,16 @@ def _choose(chain, settings, targets, kinematics, ends, steps, q, outcome):
     """The best of the ends (N STARTS, 7) of each target (N, 12) into q (N, 7), and the outcomes (N, 7)."""
     axes, origins, tool, e = _places(kinematics)
     for k in range(len(targets)):
-        outcome[k, FINAL_COST], outcome[k, ATTEMPT], outcome[k, SPENT], outcome[k, MOVED] = np.inf, 0.0, 0.0, 0.0
+        outcome[k, Outcome.FINAL_COST], outcome[k, Outcome.ATTEMPT] = np.inf, 0.0
+        outcome[k, Outcome.SPENT], outcome[k, Outcome.MOVED] = 0.0, 0.0
         for i in range(k * STARTS, (k + 1) * STARTS):
-            outcome[k, SPENT] += steps[i]
+            outcome[k, Outcome.SPENT] += steps[i]
             cost = pose_cost(chain, settings, targets[k], ends[i], axes, origins, tool, e)
-            if cost < outcome[k, FINAL_COST]:
+            if cost < outcome[k, Outcome.FINAL_COST]:
                 position, orientation = squares(e)
-                outcome[k, FINAL_COST] = cost
-                outcome[k, POSITION_ERROR], outcome[k, ORIENTATION_ERROR] = np.sqrt(position), np.sqrt(orientation)
+                outcome[k, Outcome.FINAL_COST] = cost
+                outcome[k, Outcome.POSITION_ERROR] = np.sqrt(position)
+                outcome[k, Outcome.ORIENTATION_ERROR] = np.sqrt(orientation)
                 for j in range(7):
                     q[k, j] = ends[i, j]
 
@@ -116,11 +103,15 @@ def _put_starts(
 @bare_kernel
 def _move_within(arm, span, target, moved):
     """A target (12,) moved along the line from the shoulder to its wrist, to a distance within the span (2,) [m]."""
-    x, y, z = arm[ELBOW, LEVER], arm[ELBOW, LEVER + 1], arm[ELBOW, LEVER + 2]
+    x, y, z = arm[Part.ELBOW, Elbow.LEVER], arm[Part.ELBOW, Elbow.LEVER + 1], arm[Part.ELBOW, Elbow.LEVER + 2]
     square = 0.0
     for i in range(3):
         moved[i] = (
-            target[3 * i] * x + target[3 * i + 1] * y + target[3 * i + 2] * z + target[9 + i] - arm[ELBOW, CENTRE + i]
+            target[3 * i] * x
+            + target[3 * i + 1] * y
+            + target[3 * i + 2] * z
+            + target[9 + i]
+            - arm[Part.ELBOW, Elbow.CENTRE + i]
         )
         square += moved[i] * moved[i]
     distance = np.sqrt(square)
@@ -142,8 +133,8 @@ def _clipped_branches(arm, target, work, parts, candidates, misses):
     for elbow in range(2):
         sign = 1.0 - 2.0 * elbow
         x, y = elbow_from_middle(arm, cosine, sine, sign)
-        q4 = arm[ELBOW, ELBOW_MIDDLE] + np.arctan2(y, x)
-        within = min(max(q4, arm[ELBOW, LOWER]), arm[ELBOW, UPPER])
+        q4 = arm[Part.ELBOW, Elbow.MIDDLE] + np.arctan2(y, x)
+        within = min(max(q4, arm[Part.ELBOW, Elbow.LOWER]), arm[Part.ELBOW, Elbow.UPPER])
         swing(arm, work.base, cosine, sine, sign, circles)
         for b in range(4 * elbow, 4 * elbow + 4):
             candidates[b, 3], misses[b] = within, np.inf
@@ -152,11 +143,11 @@ def _clipped_branches(arm, target, work, parts, candidates, misses):
             _clip_parts(arm, circles, c, s, parts)
             for b in range(4):
                 shoulder, wrist = parts[0, b // 2], parts[1, b % 2]
-                miss, row = abs(q4 - within) + shoulder[_MISS] + wrist[_MISS], candidates[4 * elbow + b]
+                miss, row = abs(q4 - within) + shoulder[Clipped.MISS] + wrist[Clipped.MISS], candidates[4 * elbow + b]
                 if miss < misses[4 * elbow + b]:
                     misses[4 * elbow + b] = miss
-                    row[0], row[1], row[2] = shoulder[FIRST], shoulder[MIDDLE], shoulder[LAST]
-                    row[4], row[5], row[6] = wrist[LAST], wrist[MIDDLE], wrist[FIRST]
+                    row[0], row[1], row[2] = shoulder[Axis.FIRST], shoulder[Axis.MIDDLE], shoulder[Axis.LAST]
+                    row[4], row[5], row[6] = wrist[Axis.LAST], wrist[Axis.MIDDLE], wrist[Axis.FIRST]
             c, s = c * _COS - s * _SIN, s * _COS + c * _SIN
 
 
@@ -164,17 +155,17 @@ def _clipped_branches(arm, target, work, parts, candidates, misses):
 def _clip_parts(arm, circles, c, s, parts):
     """Shoulder and wrist on both branches at a swivel angle: parts (2, 2, 4), three clipped angles and their miss."""
     for part in range(2):
-        joint = arm[SHOULDER + part]
+        joint = arm[Part.SHOULDER + part]
         z, p, r, p_last, r_last = values_at(circles, part, c, s)
-        square = discriminant(joint, FIRST, z, p, r)
+        square = discriminant(joint, Axis.FIRST, z, p, r)
         for branch in range(2):
             row, tau = parts[part, branch], 1.0 - 2.0 * branch
-            row[FIRST] = angle(joint, FIRST, z, p, r, square, tau)
-            row[MIDDLE] = angle(joint, MIDDLE, z, p, r, square, tau)
-            row[LAST] = angle(joint, LAST, z, p_last, r_last, square, tau)
-            row[_MISS] = 0.0
+            row[Axis.FIRST] = angle(joint, Axis.FIRST, z, p, r, square, tau)
+            row[Axis.MIDDLE] = angle(joint, Axis.MIDDLE, z, p, r, square, tau)
+            row[Axis.LAST] = angle(joint, Axis.LAST, z, p_last, r_last, square, tau)
+            row[Clipped.MISS] = 0.0
             for k in range(3):
-                at = RANGES + RANGE * k
-                within = min(max(row[k], joint[at + JOINT_LOWER]), joint[at + JOINT_UPPER])
-                row[_MISS] += abs(row[k] - within)
+                at = Spherical.RANGES + Range.WIDTH * k
+                within = min(max(row[k], joint[at + Range.LOWER]), joint[at + Range.UPPER])
+                row[Clipped.MISS] += abs(row[k] - within)
                 row[k] = within

@@ -14,25 +14,11 @@ import numpy as np
 from maira_qp.kernels.jit.decorators import bare_kernel
 from maira_qp.kernels.jit.simd import LANES, full, load, most, root, select, store
 from maira_qp.kernels.jit.simd_trig import sine_cosine
-from maira_qp.kernels.search.multi_start import FINAL_COST, LEFT, SUCCESS
+from maira_qp.kernels.layout import Axis, Outcome, Part, Range, SeedLanes, Spherical
 from maira_qp.kernels.srs.feasible_configuration import bends, spans, turns
 from maira_qp.kernels.srs.reach import confirm
-from maira_qp.kernels.srs.spherical_joint import (
-    CENTRE,
-    COS_FIRST,
-    COS_LAST,
-    COS_PHASE,
-    FIRST,
-    LAST,
-    MIDDLE,
-    RANGE,
-    RANGES,
-    SIN_FIRST,
-    SIN_LAST,
-    SIN_PHASE,
-    cos_half,
-)
-from maira_qp.kernels.srs.swivel import SHOULDER, approach, bend, swing, values_at
+from maira_qp.kernels.srs.spherical_joint import cos_half
+from maira_qp.kernels.srs.swivel import approach, bend, swing, values_at
 from maira_qp.kernels.srs.swivel_intervals import make_work
 
 ROUNDS = 2
@@ -42,10 +28,6 @@ TURN = 2.0 * np.pi
 
 _SQUARE_2, _SQUARE_3, _SQUARE_4 = 1.482, -2.3223, 1.1575
 """delta^2 by powers of 1 - cos delta, the first of which is exact: least squares, exact at half a turn too."""
-
-# the rows of `lanes`
-COSINE, SINE, LEAST, CHOICE, POSTURE = 0, 1, 2, 3, 4
-ROWS = POSTURE + 3
 
 
 @bare_kernel
@@ -57,18 +39,18 @@ def reach_near_posture(
     Memory: `lanes` (ROWS, LANES), the rest as of `reach_in_closed_form`, and so is `outcome` (N, 7). Which targets have
     no solution is left open: then the outcome is no success.
     """
-    work, postures = make_work(floats, integers), lanes[POSTURE:].reshape(-1)[:18].reshape(2, 3, 3)
+    work, postures = make_work(floats, integers), lanes[SeedLanes.POSTURE :].reshape(-1)[:18].reshape(2, 3, 3)
     for lane in range(LANES):
-        lanes[SINE, lane], lanes[COSINE, lane] = sine_cosine(TURN / LANES * lane)
+        lanes[SeedLanes.SINE, lane], lanes[SeedLanes.COSINE, lane] = sine_cosine(TURN / LANES * lane)
     for part in range(2):
         for which in range(3):
             i = which if part == 0 else 6 - which
-            centre = arm[SHOULDER + part, RANGES + RANGE * which + CENTRE]
+            centre = arm[Part.SHOULDER + part, Spherical.RANGES + Range.WIDTH * which + Range.CENTRE]
             postures[part, which, 1], postures[part, which, 0] = sine_cosine(reference[i] - centre)
             postures[part, which, 2] = 0.5 * weights[i]
     for k in range(len(targets)):
         found = _start(arm, targets[k], postures, reference[3], weights[3], work, lanes, q[k])
-        outcome[k, SUCCESS], outcome[k, FINAL_COST], outcome[k, LEFT] = 0.0, np.inf, 0.0
+        outcome[k, Outcome.SUCCESS], outcome[k, Outcome.FINAL_COST], outcome[k, Outcome.LEFT] = 0.0, np.inf, 0.0
         if found:
             confirm(chain, settings, targets[k], kinematics, q[k], outcome[k])
 
@@ -84,8 +66,8 @@ def _start(arm, target, postures, elbow_reference, elbow_weight, work, lanes, q)
     if not spans(arm, distance):
         return False
     cosine, sine = bend(arm, distance)
-    store(lanes, LEAST, full(lanes, np.inf))
-    store(lanes, CHOICE, full(lanes, 0.0))
+    store(lanes, SeedLanes.LEAST, full(lanes, np.inf))
+    store(lanes, SeedLanes.CHOICE, full(lanes, 0.0))
     for elbow in range(2):
         circles, sign = work.circles[elbow], 1.0 - 2.0 * elbow
         if bends(arm, cosine, sine, sign, q) and swing(arm, work.base, cosine, sine, sign, circles):
@@ -93,10 +75,10 @@ def _start(arm, target, postures, elbow_reference, elbow_weight, work, lanes, q)
             _try(arm, circles, postures, 0.5 * elbow_weight * off * off, elbow, lanes)
     lane = 0
     for other in range(1, LANES):
-        lane = other if lanes[LEAST, other] < lanes[LEAST, lane] else lane
-    if lanes[LEAST, lane] == np.inf:
+        lane = other if lanes[SeedLanes.LEAST, other] < lanes[SeedLanes.LEAST, lane] else lane
+    if lanes[SeedLanes.LEAST, lane] == np.inf:
         return False
-    choice = int(lanes[CHOICE, lane])
+    choice = int(lanes[SeedLanes.CHOICE, lane])
     elbow, turned = choice % 2, choice // 8
     sign, shoulder, wrist = 1.0 - 2.0 * elbow, 1.0 - 2.0 * (choice // 2 % 2), 1.0 - 2.0 * (choice // 4 % 2)
     s, c = sine_cosine(TURN / LANES * (lane + turned / ROUNDS))
@@ -112,8 +94,8 @@ def _start(arm, target, postures, elbow_reference, elbow_weight, work, lanes, q)
 def _try(arm, circles, postures, bent, elbow, lanes):
     """Try swivel angles for an elbow that costs `bent`; the best one a lane, and how it was found, go into `lanes`."""
     step_s, step_c = sine_cosine(TURN / (LANES * ROUNDS))
-    c, s = load(lanes, COSINE), load(lanes, SINE)
-    lowest, choice = load(lanes, LEAST), load(lanes, CHOICE)
+    c, s = load(lanes, SeedLanes.COSINE), load(lanes, SeedLanes.SINE)
+    lowest, choice = load(lanes, SeedLanes.LEAST), load(lanes, SeedLanes.CHOICE)
     for k in range(ROUNDS):
         shoulder, shoulder_branch = _part(arm, circles, postures, 0, c, s)
         wrist, wrist_branch = _part(arm, circles, postures, 1, c, s)
@@ -122,32 +104,33 @@ def _try(arm, circles, postures, bent, elbow, lanes):
         lowest = select(better, cost, lowest)
         choice = select(better, 2.0 * shoulder_branch + 4.0 * wrist_branch + (8.0 * k + elbow), choice)
         c, s = c * step_c - s * step_s, s * step_c + c * step_s
-    store(lanes, LEAST, lowest)
-    store(lanes, CHOICE, choice)
+    store(lanes, SeedLanes.LEAST, lowest)
+    store(lanes, SeedLanes.CHOICE, choice)
 
 
 @bare_kernel
 def _part(arm, circles, postures, part, c, s):
     """What shoulder or wrist costs at swivel angles, infinity outside the limits, and the better branch, 0 or 1."""
-    joint, posture = arm[SHOULDER + part], postures[part]
+    joint, posture = arm[Part.SHOULDER + part], postures[part]
     z, p, r, p_last, r_last = values_at(circles, part, c, s)
-    a, b, sin_a, sin_b = joint[COS_FIRST], joint[COS_LAST], joint[SIN_FIRST], joint[SIN_LAST]
+    a, b, sin_a = joint[Spherical.COS_FIRST], joint[Spherical.COS_LAST], joint[Spherical.SIN_FIRST]
+    sin_b = joint[Spherical.SIN_LAST]
     first, rise, last = b - a * z, z - a * b, a - b * z
     across = p * p + r * r
     square = sin_a * sin_a * across - first * first
     n = root(most(square, 0.0))
     outer, scale = 1.0 / across, 1.0 / (sin_a * sin_b)
     from_first, from_last = outer * (1.0 / sin_a), outer * (1.0 / sin_b)
-    cosine, sine = scale * joint[COS_PHASE], scale * joint[SIN_PHASE]
+    cosine, sine = scale * joint[Spherical.COS_PHASE], scale * joint[Spherical.SIN_PHASE]
     lowest, branch = z * 0.0 + np.inf, z * 0.0
     for k in range(2):
         cost = (
-            half_square(joint, posture, FIRST, from_first * (p * first - r * n), from_first * (r * first + p * n))
-            + half_square(joint, posture, MIDDLE, cosine * rise - sine * n, sine * rise + cosine * n)
+            half_square(joint, posture, Axis.FIRST, from_first * (p * first - r * n), from_first * (r * first + p * n))
+            + half_square(joint, posture, Axis.MIDDLE, cosine * rise - sine * n, sine * rise + cosine * n)
             + half_square(
                 joint,
                 posture,
-                LAST,
+                Axis.LAST,
                 from_last * (p_last * last - r_last * n),
                 from_last * (r_last * last + p_last * n),
             )

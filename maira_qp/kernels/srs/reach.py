@@ -5,24 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.decorators import bare_kernel
-from maira_qp.kernels.search.levenberg_marquardt import (
-    ORIENTATION_TOLERANCE,
-    POSITION_TOLERANCE,
-    is_reached,
-    pose_cost,
-    squares,
-)
-from maira_qp.kernels.search.multi_start import (
-    ATTEMPT,
-    FINAL_COST,
-    LEFT,
-    MOVED,
-    ORIENTATION_ERROR,
-    POSITION_ERROR,
-    PROVED,
-    SPENT,
-    SUCCESS,
-)
+from maira_qp.kernels.layout import Outcome, Setting
+from maira_qp.kernels.search.levenberg_marquardt import is_reached, pose_cost, squares
 from maira_qp.kernels.srs.feasible_configuration import start
 from maira_qp.kernels.srs.swivel_intervals import make_work
 from maira_qp.kernels.srs.unreachability import POSSIBLE, verdict
@@ -43,13 +27,13 @@ def reach_in_closed_form(
     work = make_work(floats, integers)
     for k in range(len(targets)):
         offset = TURN * np.float64(streams[k] >> np.uint64(32)) if shuffled else 0.0
-        outcome[k, SUCCESS], outcome[k, FINAL_COST], outcome[k, LEFT] = 0.0, np.inf, 0.0
+        outcome[k, Outcome.SUCCESS], outcome[k, Outcome.FINAL_COST], outcome[k, Outcome.LEFT] = 0.0, np.inf, 0.0
         if start(arm, targets[k], offset, work, q[k]):
             confirm(chain, settings, targets[k], kinematics, q[k], outcome[k])
-        if outcome[k, SUCCESS] == 0.0:
-            position, orientation = settings[POSITION_TOLERANCE], settings[ORIENTATION_TOLERANCE]
+        if outcome[k, Outcome.SUCCESS] == 0.0:
+            position, orientation = settings[Setting.POSITION_TOLERANCE], settings[Setting.ORIENTATION_TOLERANCE]
             if verdict(arm, targets[k], position, orientation, work, pieces) != POSSIBLE:
-                outcome[k, SUCCESS] = PROVED
+                outcome[k, Outcome.SUCCESS] = Outcome.PROVED
 
 
 @bare_kernel
@@ -61,6 +45,7 @@ def confirm(chain, settings, target, kinematics, q, outcome):
     cost = pose_cost(chain, settings, target, q, axes, origins, tool, e)
     if is_reached(settings, e):
         position, orientation = squares(e)
-        outcome[SUCCESS], outcome[ATTEMPT], outcome[SPENT], outcome[MOVED] = 1.0, 0.0, 0.0, 0.0
-        outcome[FINAL_COST] = cost
-        outcome[POSITION_ERROR], outcome[ORIENTATION_ERROR] = np.sqrt(position), np.sqrt(orientation)
+        outcome[Outcome.SUCCESS], outcome[Outcome.ATTEMPT], outcome[Outcome.SPENT] = 1.0, 0.0, 0.0
+        outcome[Outcome.MOVED] = 0.0
+        outcome[Outcome.FINAL_COST] = cost
+        outcome[Outcome.POSITION_ERROR], outcome[Outcome.ORIENTATION_ERROR] = np.sqrt(position), np.sqrt(orientation)

@@ -25,22 +25,7 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.decorators import bare_kernel
-
-# the entries of a spherical joint's row; its joints are FIRST, MIDDLE and LAST, as they turn about a, b and c
-FIRST, MIDDLE, LAST = 0, 1, 2
-FIRST_FRAME, LAST_FRAME = 0, 9
-"""(a, e, h) and (c, e', h'), nine numbers each"""
-COS_FIRST, SIN_FIRST, COS_LAST, SIN_LAST = 18, 19, 20, 21
-"""of the angle between a and b, and between b and c"""
-NEAREST, FARTHEST = 22, 23
-"""The angles between a and R c [rad] are in this interval"""
-COS_PHASE, SIN_PHASE = 24, 25
-"""of phi less the middle of the middle joint's range"""
-RANGES, CENTRE, COS_HALF, LOWER, UPPER, RANGE = 26, 0, 1, 2, 3, 4
-"""of each joint: the middle of its range [rad], cos of half of it, or UNLIMITED for a turn or more, and both limits"""
-LIMITS, WZ, WP, WR, VALUE, SP, SR, S0, LIMIT = 38, 0, 1, 2, 3, 4, 5, 6, 7
-"""of each joint its lower and its upper limit: see above"""
-ROW = LIMITS + 6 * LIMIT
+from maira_qp.kernels.layout import Axis, Range, Spherical
 
 UNLIMITED = -2.0
 """Less than any cosine."""
@@ -49,7 +34,9 @@ UNLIMITED = -2.0
 @bare_kernel
 def discriminant(joint, which, z, p, r):
     """s^2, the same from the pair (p, r) of the first joint and from that of the last; below 0 without a solution."""
-    own, other = (COS_LAST, COS_FIRST) if which == LAST else (COS_FIRST, COS_LAST)
+    own, other = (
+        (Spherical.COS_LAST, Spherical.COS_FIRST) if which == Axis.LAST else (Spherical.COS_FIRST, Spherical.COS_LAST)
+    )
     m = joint[other] - joint[own] * z
     return joint[own + 1] * joint[own + 1] * (p * p + r * r) - m * m
 
@@ -62,12 +49,14 @@ def from_middle(joint, which, z, p, r, square, tau):
     a solution, the angle is that of s = 0, which is where the two branches meet.
     """
     n = -tau * np.sqrt(max(square, 0.0))
-    if which == MIDDLE:
-        rise = z - joint[COS_FIRST] * joint[COS_LAST]
-        x = joint[COS_PHASE] * rise + joint[SIN_PHASE] * n
-        y = joint[SIN_PHASE] * rise - joint[COS_PHASE] * n
-        return x, y, joint[SIN_FIRST] * joint[SIN_LAST] if square > 0.0 else abs(rise)
-    own, other = (COS_LAST, COS_FIRST) if which == LAST else (COS_FIRST, COS_LAST)
+    if which == Axis.MIDDLE:
+        rise = z - joint[Spherical.COS_FIRST] * joint[Spherical.COS_LAST]
+        x = joint[Spherical.COS_PHASE] * rise + joint[Spherical.SIN_PHASE] * n
+        y = joint[Spherical.SIN_PHASE] * rise - joint[Spherical.COS_PHASE] * n
+        return x, y, joint[Spherical.SIN_FIRST] * joint[Spherical.SIN_LAST] if square > 0.0 else abs(rise)
+    own, other = (
+        (Spherical.COS_LAST, Spherical.COS_FIRST) if which == Axis.LAST else (Spherical.COS_FIRST, Spherical.COS_LAST)
+    )
     m, across = joint[other] - joint[own] * z, p * p + r * r
     return p * m + r * n, r * m - p * n, joint[own + 1] * across if square > 0.0 else abs(m) * np.sqrt(across)
 
@@ -75,24 +64,24 @@ def from_middle(joint, which, z, p, r, square, tau):
 @bare_kernel
 def cos_half(joint, which):
     """The cosine of half the range of one of the joints; UNLIMITED for a turn or more."""
-    return joint[RANGES + RANGE * which + COS_HALF]
+    return joint[Spherical.RANGES + Range.WIDTH * which + Range.COS_HALF]
 
 
 @bare_kernel
 def is_reached(joint, z, p, r, p_last, r_last, square, tau):
     """Whether the branch tau, which has a solution, has it within the limits."""
-    x, _, scale = from_middle(joint, FIRST, z, p, r, square, tau)
-    if x < cos_half(joint, FIRST) * scale:
+    x, _, scale = from_middle(joint, Axis.FIRST, z, p, r, square, tau)
+    if x < cos_half(joint, Axis.FIRST) * scale:
         return False
-    x, _, scale = from_middle(joint, MIDDLE, z, p, r, square, tau)
-    if x < cos_half(joint, MIDDLE) * scale:
+    x, _, scale = from_middle(joint, Axis.MIDDLE, z, p, r, square, tau)
+    if x < cos_half(joint, Axis.MIDDLE) * scale:
         return False
-    x, _, scale = from_middle(joint, LAST, z, p_last, r_last, square, tau)
-    return x >= cos_half(joint, LAST) * scale
+    x, _, scale = from_middle(joint, Axis.LAST, z, p_last, r_last, square, tau)
+    return x >= cos_half(joint, Axis.LAST) * scale
 
 
 @bare_kernel
 def angle(joint, which, z, p, r, square, tau):
     """The angle [rad] of one of the joints, within half a turn of the middle of its range; see `from_middle`."""
     x, y, _ = from_middle(joint, which, z, p, r, square, tau)
-    return joint[RANGES + RANGE * which + CENTRE] + np.arctan2(y, x)
+    return joint[Spherical.RANGES + Range.WIDTH * which + Range.CENTRE] + np.arctan2(y, x)

@@ -22,52 +22,40 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.decorators import bare_kernel
-from maira_qp.kernels.srs.spherical_joint import FIRST, FIRST_FRAME, LAST_FRAME, discriminant, is_reached
-
-# the rows of an arm
-ELBOW, SHOULDER, WRIST = 0, 1, 2
-
-# the entries of the elbow's row
-CENTRE, LEVER, REFERENCE = 0, 3, 6
-"""The shoulder's centre [m] in the base, the wrist's in the tip's frame, and the direction that psi counts from"""
-UPPER_ARM, FOREARM = 9, 10
-"""From the shoulder to the elbow [m], along x; from the elbow to the wrist (3,) [m]; in the axes of the elbow"""
-SMALLEST, LARGEST = 13, 14
-"""Distance of shoulder and wrist [m], folded and stretched"""
-COS_PHASE, SIN_PHASE = 15, 16
-"""of phi, the angle of q_4 that stretches the arm"""
-COS_FROM_MIDDLE, SIN_FROM_MIDDLE, MIDDLE, COS_HALF, SIN_HALF, LOWER, UPPER = 17, 18, 19, 20, 21, 22, 23
-"""of phi less the middle of q_4's range; that middle, half of the range (UNLIMITED: a turn or more), and both limits"""
-LENGTH = 24
-"""Length of the arm [m]"""
+from maira_qp.kernels.layout import Axis, Elbow, Part, Sinusoid, Spherical
+from maira_qp.kernels.srs.spherical_joint import discriminant, is_reached
 
 TRIED = 5
 """So many swivel angles `first_within` tries, a golden section of the circle apart."""
 _COS_GOLDEN, _SIN_GOLDEN = np.cos(np.pi * (3 - np.sqrt(5))), np.sin(np.pi * (3 - np.sqrt(5)))
 _SMALL = 1e-9
 
-# the sinusoids of a spherical joint, three coefficients each: constant, cosine, sine
-Z, P, R, P_LAST, R_LAST = 0, 3, 6, 9, 12
-
 
 @bare_kernel
 def approach(arm, target, base):
     """Distance [m] of shoulder and wrist at a target (12,); both first frames, on the line, into base (2, 9)."""
-    x, y, z = arm[ELBOW, LEVER], arm[ELBOW, LEVER + 1], arm[ELBOW, LEVER + 2]
-    lx = target[0] * x + target[1] * y + target[2] * z + target[9] - arm[ELBOW, CENTRE]
-    ly = target[3] * x + target[4] * y + target[5] * z + target[10] - arm[ELBOW, CENTRE + 1]
-    lz = target[6] * x + target[7] * y + target[8] * z + target[11] - arm[ELBOW, CENTRE + 2]
+    x, y, z = arm[Part.ELBOW, Elbow.LEVER], arm[Part.ELBOW, Elbow.LEVER + 1], arm[Part.ELBOW, Elbow.LEVER + 2]
+    lx = target[0] * x + target[1] * y + target[2] * z + target[9] - arm[Part.ELBOW, Elbow.CENTRE]
+    ly = target[3] * x + target[4] * y + target[5] * z + target[10] - arm[Part.ELBOW, Elbow.CENTRE + 1]
+    lz = target[6] * x + target[7] * y + target[8] * z + target[11] - arm[Part.ELBOW, Elbow.CENTRE + 2]
     distance = np.sqrt(lx * lx + ly * ly + lz * lz)
     lx, ly, lz = lx / distance, ly / distance, lz / distance
-    nx, ny, nz = _across(lx, ly, lz, arm[ELBOW, REFERENCE], arm[ELBOW, REFERENCE + 1], arm[ELBOW, REFERENCE + 2])
+    nx, ny, nz = _across(
+        lx,
+        ly,
+        lz,
+        arm[Part.ELBOW, Elbow.REFERENCE],
+        arm[Part.ELBOW, Elbow.REFERENCE + 1],
+        arm[Part.ELBOW, Elbow.REFERENCE + 2],
+    )
     mx, my, mz = ly * nz - lz * ny, lz * nx - lx * nz, lx * ny - ly * nx
     for i in range(3):
-        k = FIRST_FRAME + 3 * i
-        x, y, z = arm[SHOULDER, k], arm[SHOULDER, k + 1], arm[SHOULDER, k + 2]
+        k = Spherical.FIRST_FRAME + 3 * i
+        x, y, z = arm[Part.SHOULDER, k], arm[Part.SHOULDER, k + 1], arm[Part.SHOULDER, k + 2]
         base[0, 3 * i] = lx * x + ly * y + lz * z
         base[0, 3 * i + 1] = nx * x + ny * y + nz * z
         base[0, 3 * i + 2] = mx * x + my * y + mz * z
-        u, v, w = arm[WRIST, k], arm[WRIST, k + 1], arm[WRIST, k + 2]
+        u, v, w = arm[Part.WRIST, k], arm[Part.WRIST, k + 1], arm[Part.WRIST, k + 2]
         x = target[0] * u + target[1] * v + target[2] * w
         y = target[3] * u + target[4] * v + target[5] * w
         z = target[6] * u + target[7] * v + target[8] * w
@@ -101,7 +89,7 @@ def _across(lx, ly, lz, x, y, z):
 @bare_kernel
 def bend(arm, distance):
     """Cosine and sine of theta = |q_4 - phi|, which puts the wrist at this distance [m] within the annulus."""
-    smallest, largest = arm[ELBOW, SMALLEST], arm[ELBOW, LARGEST]
+    smallest, largest = arm[Part.ELBOW, Elbow.SMALLEST], arm[Part.ELBOW, Elbow.LARGEST]
     short = max((largest - distance) * (largest + distance), 0.0)
     long = max((distance - smallest) * (distance + smallest), 0.0)
     return (long - short) / (long + short), 2.0 * np.sqrt(short * long) / (long + short)
@@ -110,7 +98,7 @@ def bend(arm, distance):
 @bare_kernel
 def elbow_from_middle(arm, cosine, sine, sign):
     """Cosine and sine of q_4 less the middle of its range, for theta as of `bend` on the side of `sign`."""
-    a, b = arm[ELBOW, COS_FROM_MIDDLE], arm[ELBOW, SIN_FROM_MIDDLE]
+    a, b = arm[Part.ELBOW, Elbow.COS_FROM_MIDDLE], arm[Part.ELBOW, Elbow.SIN_FROM_MIDDLE]
     return a * cosine - sign * b * sine, b * cosine + sign * a * sine
 
 
@@ -120,27 +108,27 @@ def swing(arm, base, cosine, sine, sign, circles):
 
     Returns whether psi is well defined: the wrist is not on the elbow's axis as seen from the shoulder.
     """
-    a, b = arm[ELBOW, COS_PHASE], arm[ELBOW, SIN_PHASE]
+    a, b = arm[Part.ELBOW, Elbow.COS_PHASE], arm[Part.ELBOW, Elbow.SIN_PHASE]
     c, s = a * cosine - sign * b * sine, b * cosine + sign * a * sine
-    gx, gy, vz = arm[ELBOW, FOREARM], arm[ELBOW, FOREARM + 1], arm[ELBOW, FOREARM + 2]
-    vx, vy = arm[ELBOW, UPPER_ARM] + c * gx - s * gy, s * gx + c * gy
+    gx, gy, vz = arm[Part.ELBOW, Elbow.FOREARM], arm[Part.ELBOW, Elbow.FOREARM + 1], arm[Part.ELBOW, Elbow.FOREARM + 2]
+    vx, vy = arm[Part.ELBOW, Elbow.UPPER_ARM] + c * gx - s * gy, s * gx + c * gy
     flat = np.sqrt(vx * vx + vy * vy)
     length = np.sqrt(flat * flat + vz * vz)
     x, y = vx / flat, vy / flat  # v = (along x, along y, up), and two directions across it
     along, up = flat / length, vz / length
     for part in range(2):
         for i in range(3):
-            k = LAST_FRAME + 3 * i
-            wx, wy, w = arm[SHOULDER + part, k], arm[SHOULDER + part, k + 1], arm[SHOULDER + part, k + 2]
+            k = Spherical.LAST_FRAME + 3 * i
+            wx, wy, w = arm[Part.SHOULDER + part, k], arm[Part.SHOULDER + part, k + 1], arm[Part.SHOULDER + part, k + 2]
             if part == 1:
                 wx, wy = c * wx - s * wy, s * wx + c * wy
             radial = x * wx + y * wy
             w0, w1, w2 = along * radial + up * w, sign * (y * wx - x * wy), sign * (up * radial - along * w)
-            _sinusoid(base, part, 0, w0, w1, w2, circles, P_LAST + 3 * (i - 1) if i > 0 else Z)
+            _sinusoid(base, part, 0, w0, w1, w2, circles, Sinusoid.P_LAST + 3 * (i - 1) if i > 0 else Sinusoid.Z)
             if i == 0:
-                _sinusoid(base, part, 3, w0, w1, w2, circles, P)
-                _sinusoid(base, part, 6, w0, w1, w2, circles, R)
-    return flat > _SMALL * arm[ELBOW, LENGTH]
+                _sinusoid(base, part, 3, w0, w1, w2, circles, Sinusoid.P)
+                _sinusoid(base, part, 6, w0, w1, w2, circles, Sinusoid.R)
+    return flat > _SMALL * arm[Part.ELBOW, Elbow.LENGTH]
 
 
 @bare_kernel
@@ -162,20 +150,20 @@ def value_at(circles, part, k, c, s):
 def values_at(circles, part, c, s):
     """z, p, r, p', r' of the shoulder (part 0) or the wrist (part 1) at psi with cosine c and sine s."""
     return (
-        value_at(circles, part, Z, c, s),
-        value_at(circles, part, P, c, s),
-        value_at(circles, part, R, c, s),
-        value_at(circles, part, P_LAST, c, s),
-        value_at(circles, part, R_LAST, c, s),
+        value_at(circles, part, Sinusoid.Z, c, s),
+        value_at(circles, part, Sinusoid.P, c, s),
+        value_at(circles, part, Sinusoid.R, c, s),
+        value_at(circles, part, Sinusoid.P_LAST, c, s),
+        value_at(circles, part, Sinusoid.R_LAST, c, s),
     )
 
 
 @bare_kernel
 def branch_at(arm, circles, part, c, s):
     """The branch, +1 or -1, on which shoulder or wrist are within the limits at psi; 0 without one."""
-    joint = arm[SHOULDER + part]
+    joint = arm[Part.SHOULDER + part]
     z, p, r, p_last, r_last = values_at(circles, part, c, s)
-    square = discriminant(joint, FIRST, z, p, r)
+    square = discriminant(joint, Axis.FIRST, z, p, r)
     if square < 0.0:
         return 0.0
     if is_reached(joint, z, p, r, p_last, r_last, square, 1.0):

@@ -28,40 +28,21 @@ import numpy as np
 
 from maira_qp.kernels.jit.decorators import bare_kernel
 from maira_qp.kernels.jit.simd_trig import sine_cosine
-from maira_qp.kernels.srs.spherical_joint import (
-    FARTHEST,
-    LAST,
-    LIMIT,
-    LIMITS,
-    NEAREST,
-    S0,
-    SP,
-    SR,
-    UNLIMITED,
-    VALUE,
-    WP,
-    WR,
-    WZ,
-    cos_half,
-    discriminant,
-    from_middle,
-)
-from maira_qp.kernels.srs.swivel import P_LAST, R_LAST, SHOULDER, WRIST, P, R, Z, value_at
+from maira_qp.kernels.layout import Arc, Axis, CriticalArc, Hindrance, Limit, Part, Sinusoid, Spherical
+from maira_qp.kernels.srs.spherical_joint import UNLIMITED, cos_half, discriminant, from_middle
+from maira_qp.kernels.srs.swivel import value_at
 
 TURN = 2.0 * np.pi
-LOWER, UPPER, REASON = 0, 1, 2
-"""The entries of a blocked arc, the last one 3 joint + which: the joint's place in the chain, and what is in the way"""
-LOWER_LIMIT, UPPER_LIMIT, NO_SOLUTION = 0, 1, 2
+
+
 ARCS, CRITICAL, PIECES = 24, 16, 96
 """At most so many arcs has a branch, so many are critical, and so many pieces make a cover."""
-FLOATS, INTEGERS = 18 + 60 + 4 * CRITICAL + 12 * ARCS, 4
+FLOATS, INTEGERS = 18 + 4 * Sinusoid.WIDTH + CriticalArc.WIDTH * CRITICAL + 4 * Arc.WIDTH * ARCS, 4
 """How many numbers `make_work` needs."""
 JOINED = 1e-12
 """Arcs this near to each other [rad] touch."""
 
-# the entries of a critical arc: its ends, the branch that it concerns, or both, and the joint, or all
-_TAU, _JOINT, _CRITICAL = 2, 3, 4
-_BOTH, _ALL = 0.0, -1.0
+
 _BAND = 3.0
 _HOLE = 1e-5
 """Holes smaller than this [rad] block nothing: their edge is lost in rounding."""
@@ -87,9 +68,9 @@ def make_work(floats, integers):
     """Work in memory: floats (FLOATS,), integers (INTEGERS,)."""
     return Work(
         floats[:18].reshape(2, 9),
-        floats[18:78].reshape(2, 2, 15),
-        floats[78 : FLOATS - 12 * ARCS].reshape(CRITICAL, 4),
-        floats[FLOATS - 12 * ARCS : FLOATS].reshape(2, 2, ARCS, 3),
+        floats[18:78].reshape(2, 2, Sinusoid.WIDTH),
+        floats[78 : FLOATS - 4 * Arc.WIDTH * ARCS].reshape(CRITICAL, CriticalArc.WIDTH),
+        floats[FLOATS - 4 * Arc.WIDTH * ARCS : FLOATS].reshape(2, 2, ARCS, Arc.WIDTH),
         integers[:INTEGERS].reshape(2, 2),
     )
 
@@ -97,8 +78,8 @@ def make_work(floats, integers):
 @bare_kernel
 def block(arm, circles, shoulder, wrist, work):
     """Find the blocked arcs of shoulder and wrist for one elbow; `shoulder` and `wrist` are their margins eta [rad]."""
-    _block(arm[SHOULDER], circles, 0, shoulder, work.critical, work.arcs[0], work.lengths[0])
-    _block(arm[WRIST], circles, 1, wrist, work.critical, work.arcs[1], work.lengths[1])
+    _block(arm[Part.SHOULDER], circles, 0, shoulder, work.critical, work.arcs[0], work.lengths[0])
+    _block(arm[Part.WRIST], circles, 1, wrist, work.critical, work.arcs[1], work.lengths[1])
 
 
 @bare_kernel
@@ -124,19 +105,21 @@ def _holes(joint, circles, part, eta, critical, arcs, lengths):
     """Critical arcs in holes, which are blocked as well. Returns how many."""
     count = 0
     lengths[0], lengths[1] = 0, 0
-    constant, amplitude, apex = _polar(circles[part, Z], circles[part, Z + 1], circles[part, Z + 2])
+    constant, amplitude, apex = _polar(
+        circles[part, Sinusoid.Z], circles[part, Sinusoid.Z + 1], circles[part, Sinusoid.Z + 2]
+    )
     for end in range(2):
         sign = 1.0 - 2.0 * end
-        depth = np.pi - joint[FARTHEST] if end == 1 else joint[NEAREST]
+        depth = np.pi - joint[Spherical.FARTHEST] if end == 1 else joint[Spherical.NEAREST]
         edge = np.cos(depth - eta)
         if depth > 2.0 * eta and sign * constant + amplitude > edge:
             half = np.arccos(max((edge - sign * constant) / amplitude, -1.0))
-            count = _add(critical, count, apex + np.pi * end, half, _BOTH, _ALL)
+            count = _add(critical, count, apex + np.pi * end, half, CriticalArc.BOTH, CriticalArc.ALL)
             if depth > _HOLE:
                 for branch in range(2):
-                    arcs[branch, lengths[branch], LOWER] = critical[count - 1, LOWER]
-                    arcs[branch, lengths[branch], UPPER] = critical[count - 1, UPPER]
-                    arcs[branch, lengths[branch], REASON] = _reason(part, 1, NO_SOLUTION)
+                    arcs[branch, lengths[branch], Arc.LOWER] = critical[count - 1, Arc.LOWER]
+                    arcs[branch, lengths[branch], Arc.UPPER] = critical[count - 1, Arc.UPPER]
+                    arcs[branch, lengths[branch], Arc.REASON] = _reason(part, 1, Hindrance.NO_SOLUTION)
                     lengths[branch] += 1
     return count
 
@@ -144,13 +127,13 @@ def _holes(joint, circles, part, eta, critical, arcs, lengths):
 @bare_kernel
 def _near_limit(joint, circles, part, eta, which, side, critical, count):
     """Add the critical arcs of one limit, side 0 the lower and 1 the upper; returns how many there are then."""
-    k = LIMITS + LIMIT * (2 * which + side)
-    p, r = (P_LAST, R_LAST) if which == LAST else (P, R)
-    wz, wp, wr = joint[k + WZ], joint[k + WP], joint[k + WR]
+    k = Spherical.LIMITS + Limit.WIDTH * (2 * which + side)
+    p, r = (Sinusoid.P_LAST, Sinusoid.R_LAST) if which == Axis.LAST else (Sinusoid.P, Sinusoid.R)
+    wz, wp, wr = joint[k + Limit.WZ], joint[k + Limit.WP], joint[k + Limit.WR]
     constant, amplitude, apex = _polar(
-        wz * circles[part, Z] + wp * circles[part, p] + wr * circles[part, r] - joint[k + VALUE],
-        wz * circles[part, Z + 1] + wp * circles[part, p + 1] + wr * circles[part, r + 1],
-        wz * circles[part, Z + 2] + wp * circles[part, p + 2] + wr * circles[part, r + 2],
+        wz * circles[part, Sinusoid.Z] + wp * circles[part, p] + wr * circles[part, r] - joint[k + Limit.VALUE],
+        wz * circles[part, Sinusoid.Z + 1] + wp * circles[part, p + 1] + wr * circles[part, r + 1],
+        wz * circles[part, Sinusoid.Z + 2] + wp * circles[part, p + 2] + wr * circles[part, r + 2],
     )
     band = _BAND * eta
     if abs(constant) > amplitude + band:
@@ -165,11 +148,11 @@ def _near_limit(joint, circles, part, eta, which, side, critical, count):
     for _ in range(arcs):
         s, c = sine_cosine(centre)
         sided = (
-            joint[k + SP] * value_at(circles, part, p, c, s)
-            + joint[k + SR] * value_at(circles, part, r, c, s)
-            + joint[k + S0]
+            joint[k + Limit.SP] * value_at(circles, part, p, c, s)
+            + joint[k + Limit.SR] * value_at(circles, part, r, c, s)
+            + joint[k + Limit.S0]
         )
-        tau = _BOTH if abs(sided) <= eta + half else (-1.0 if sided > 0.0 else 1.0)
+        tau = CriticalArc.BOTH if abs(sided) <= eta + half else (-1.0 if sided > 0.0 else 1.0)
         count = _add(critical, count, centre, half, tau, float(which))
         centre = apex - 0.5 * (near + far)
     return count
@@ -181,35 +164,35 @@ def _cells(joint, circles, part, which, tau, critical, count, arcs, length):
     end = -np.inf
     for k in range(count):
         if _concerns(critical, k, which, tau):
-            end = max(end, critical[k, UPPER])
+            end = max(end, critical[k, Arc.UPPER])
     if end == -np.inf:
         return _add_if_outside(joint, circles, part, which, tau, -np.pi, np.pi, arcs, length)
     end -= TURN
     for k in range(count):
         if _concerns(critical, k, which, tau):
-            if critical[k, LOWER] > end:
-                length = _add_if_outside(joint, circles, part, which, tau, end, critical[k, LOWER], arcs, length)
-            end = max(end, critical[k, UPPER])
+            if critical[k, Arc.LOWER] > end:
+                length = _add_if_outside(joint, circles, part, which, tau, end, critical[k, Arc.LOWER], arcs, length)
+            end = max(end, critical[k, Arc.UPPER])
     return length
 
 
 @bare_kernel
 def _concerns(critical, k, which, tau):
-    of_joint = critical[k, _JOINT] == which or critical[k, _JOINT] == _ALL
-    return of_joint and (critical[k, _TAU] == tau or critical[k, _TAU] == _BOTH)
+    of_joint = critical[k, CriticalArc.JOINT] == which or critical[k, CriticalArc.JOINT] == CriticalArc.ALL
+    return of_joint and (critical[k, CriticalArc.TAU] == tau or critical[k, CriticalArc.TAU] == CriticalArc.BOTH)
 
 
 @bare_kernel
 def _add_if_outside(joint, circles, part, which, tau, lower, upper, arcs, length):
     s, c = sine_cosine(0.5 * (lower + upper))
-    z = value_at(circles, part, Z, c, s)
-    p = value_at(circles, part, P_LAST if which == LAST else P, c, s)
-    r = value_at(circles, part, R_LAST if which == LAST else R, c, s)
+    z = value_at(circles, part, Sinusoid.Z, c, s)
+    p = value_at(circles, part, Sinusoid.P_LAST if which == Axis.LAST else Sinusoid.P, c, s)
+    r = value_at(circles, part, Sinusoid.R_LAST if which == Axis.LAST else Sinusoid.R, c, s)
     x, y, scale = from_middle(joint, which, z, p, r, discriminant(joint, which, z, p, r), tau)
     if x < cos_half(joint, which) * scale:
         turn = TURN if lower < -np.pi else 0.0
-        arcs[length, LOWER], arcs[length, UPPER] = lower + turn, upper + turn
-        arcs[length, REASON] = _reason(part, which, UPPER_LIMIT if y > 0.0 else LOWER_LIMIT)
+        arcs[length, Arc.LOWER], arcs[length, Arc.UPPER] = lower + turn, upper + turn
+        arcs[length, Arc.REASON] = _reason(part, which, Hindrance.UPPER_LIMIT if y > 0.0 else Hindrance.LOWER_LIMIT)
         length += 1
     return length
 
@@ -231,8 +214,8 @@ def _add(critical, count, centre, half, tau, which):
     """Add the critical arc [centre - half, centre + half]."""
     lower = centre - half
     turn = TURN * np.floor((lower + np.pi) / TURN)
-    critical[count, LOWER], critical[count, UPPER] = lower - turn, centre + half - turn
-    critical[count, _TAU], critical[count, _JOINT] = tau, which
+    critical[count, Arc.LOWER], critical[count, Arc.UPPER] = lower - turn, centre + half - turn
+    critical[count, CriticalArc.TAU], critical[count, CriticalArc.JOINT] = tau, which
     return count + 1
 
 
@@ -242,8 +225,8 @@ def _sort(critical, count):
     for i in range(1, count):
         lower, upper, tau, which = critical[i, 0], critical[i, 1], critical[i, 2], critical[i, 3]
         k = i
-        while k > 0 and critical[k - 1, LOWER] > lower:
-            for j in range(_CRITICAL):
+        while k > 0 and critical[k - 1, Arc.LOWER] > lower:
+            for j in range(CriticalArc.WIDTH):
                 critical[k, j] = critical[k - 1, j]
             k -= 1
         critical[k, 0], critical[k, 1], critical[k, 2], critical[k, 3] = lower, upper, tau, which
@@ -261,7 +244,7 @@ def cover(work, shoulder, wrist, pieces):
         end, reason = _reach(work, shoulder, wrist, at)
         if end <= at:
             return False
-        pieces[count, LOWER], pieces[count, UPPER], pieces[count, REASON] = at, end, reason
+        pieces[count, Arc.LOWER], pieces[count, Arc.UPPER], pieces[count, Arc.REASON] = at, end, reason
         at, count = end, count + 1
     return True
 
@@ -287,10 +270,10 @@ def _reach(work, shoulder, wrist, at):
     for part in range(2):
         branch = shoulder if part == 0 else wrist
         for k in range(work.lengths[part, branch]):
-            turn = TURN if work.arcs[part, branch, k, LOWER] > at + JOINED else 0.0
-            upper = work.arcs[part, branch, k, UPPER] - turn
-            if work.arcs[part, branch, k, LOWER] - turn <= at + JOINED and upper > end:
-                end, reason = upper, work.arcs[part, branch, k, REASON]
+            turn = TURN if work.arcs[part, branch, k, Arc.LOWER] > at + JOINED else 0.0
+            upper = work.arcs[part, branch, k, Arc.UPPER] - turn
+            if work.arcs[part, branch, k, Arc.LOWER] - turn <= at + JOINED and upper > end:
+                end, reason = upper, work.arcs[part, branch, k, Arc.REASON]
     return end, reason
 
 
@@ -301,7 +284,7 @@ def _next(work, shoulder, wrist, at):
     for part in range(2):
         branch = shoulder if part == 0 else wrist
         for k in range(work.lengths[part, branch]):
-            lower = work.arcs[part, branch, k, LOWER]
+            lower = work.arcs[part, branch, k, Arc.LOWER]
             if lower > at:
                 begin = min(begin, lower)
     return begin

@@ -23,31 +23,9 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.decorators import bare_kernel
-from maira_qp.kernels.srs.swivel import (
-    COS_HALF,
-    ELBOW,
-    FOREARM,
-    LARGEST,
-    LENGTH,
-    LEVER,
-    SIN_HALF,
-    SMALLEST,
-    approach,
-    bend,
-    elbow_from_middle,
-    first_within,
-    swing,
-)
-from maira_qp.kernels.srs.swivel_intervals import LOWER as BEGIN
-from maira_qp.kernels.srs.swivel_intervals import (
-    LOWER_LIMIT,
-    REASON,
-    UPPER_LIMIT,
-    block,
-    cover,
-    make_work,
-)
-from maira_qp.kernels.srs.swivel_intervals import UPPER as END
+from maira_qp.kernels.layout import Arc, Elbow, Hindrance, Part
+from maira_qp.kernels.srs.swivel import approach, bend, elbow_from_middle, first_within, swing
+from maira_qp.kernels.srs.swivel_intervals import block, cover, make_work
 
 POSSIBLE, TOO_FAR, TOO_NEAR, ELBOW_OUTSIDE, SWIVEL_BLOCKED = 0, 1, 2, 3, 4
 """Verdicts; the first is none."""
@@ -75,7 +53,7 @@ def verdict(arm, target, position_tolerance, orientation_tolerance, work, pieces
     """
     distance = approach(arm, target, work.base)
     ball = _ball(arm, target, position_tolerance, orientation_tolerance)
-    smallest, largest = arm[ELBOW, SMALLEST], arm[ELBOW, LARGEST]
+    smallest, largest = arm[Part.ELBOW, Elbow.SMALLEST], arm[Part.ELBOW, Elbow.LARGEST]
     if distance > largest + ball:
         return TOO_FAR
     if distance < smallest - ball:
@@ -91,20 +69,20 @@ def verdict(arm, target, position_tolerance, orientation_tolerance, work, pieces
         return POSSIBLE
     if _elbows_outside(arm, cosine, sine, delta + ROUNDING, pieces) == 2:
         return ELBOW_OUTSIDE
-    g = np.sqrt(arm[ELBOW, FOREARM] ** 2 + arm[ELBOW, FOREARM + 1] ** 2)
+    g = np.sqrt(arm[Part.ELBOW, Elbow.FOREARM] ** 2 + arm[Part.ELBOW, Elbow.FOREARM + 1] ** 2)
     turned = (ball + g * delta) / distance
     if not turned <= LARGE:  # up to there asin(x) <= 1.01 x
         return POSSIBLE
     shoulder = 1.01 * turned + ROUNDING
     wrist = shoulder + delta + orientation_tolerance
     for elbow in range(2):
-        if pieces[4 * elbow, 0, REASON] < 0.0:
+        if pieces[4 * elbow, 0, Arc.REASON] < 0.0:
             sign, circles = 1.0 - 2.0 * elbow, work.circles[elbow]
             known = swing(arm, work.base, cosine, sine, sign, circles)
             if not known or _is_solved(arm, circles, cosine, sine, sign):
                 return POSSIBLE
     for elbow in range(2):
-        if pieces[4 * elbow, 0, REASON] < 0.0 and not _is_covered(
+        if pieces[4 * elbow, 0, Arc.REASON] < 0.0 and not _is_covered(
             arm, work, elbow, shoulder, wrist, pieces[4 * elbow : 4 * elbow + 4]
         ):
             return POSSIBLE
@@ -118,8 +96,12 @@ def _ball(arm, target, position_tolerance, orientation_tolerance):
     for i in range(12):
         total += 0.0 * target[i]
         farthest = max(farthest, abs(target[i]) if i > 8 else 0.0)
-    lever = np.sqrt(arm[ELBOW, LEVER] ** 2 + arm[ELBOW, LEVER + 1] ** 2 + arm[ELBOW, LEVER + 2] ** 2)
-    rounding = ROUNDING * arm[ELBOW, LENGTH] + 1e-14 * farthest + total
+    lever = np.sqrt(
+        arm[Part.ELBOW, Elbow.LEVER] ** 2
+        + arm[Part.ELBOW, Elbow.LEVER + 1] ** 2
+        + arm[Part.ELBOW, Elbow.LEVER + 2] ** 2
+    )
+    rounding = ROUNDING * arm[Part.ELBOW, Elbow.LENGTH] + 1e-14 * farthest + total
     return position_tolerance + lever * orientation_tolerance + rounding
 
 
@@ -131,26 +113,26 @@ def _elbows_outside(arm, cosine, sine, delta, pieces):
         reason = _elbow(arm, cosine, sine, 1.0 - 2.0 * elbow, delta)
         outside += reason >= 0.0
         for k in range(4 * elbow, 4 * elbow + 4):
-            pieces[k, 0, BEGIN], pieces[k, 0, END], pieces[k, 0, REASON] = -np.pi, np.pi, reason
+            pieces[k, 0, Arc.LOWER], pieces[k, 0, Arc.UPPER], pieces[k, 0, Arc.REASON] = -np.pi, np.pi, reason
     return outside
 
 
 @bare_kernel
 def _elbow(arm, cosine, sine, sign, delta):
     """The reason why the elbow is outside its limits by more than delta [rad]; -1 where it is not."""
-    c, s = arm[ELBOW, COS_HALF], arm[ELBOW, SIN_HALF]
+    c, s = arm[Part.ELBOW, Elbow.COS_HALF], arm[Part.ELBOW, Elbow.SIN_HALF]
     x, y = elbow_from_middle(arm, cosine, sine, sign)
     if x >= c or s * np.cos(delta) + c * np.sin(delta) <= 0.0:  # inside, or the range becomes a turn
         return -1.0
     if x >= c * np.cos(delta) - s * np.sin(delta):
         return -1.0
-    return 3.0 * 3 + (UPPER_LIMIT if y > 0.0 else LOWER_LIMIT)
+    return 3.0 * 3 + (Hindrance.UPPER_LIMIT if y > 0.0 else Hindrance.LOWER_LIMIT)
 
 
 @bare_kernel
 def _is_solved(arm, circles, cosine, sine, sign):
     """Whether the elbow is within its limits, and the rest of the arm at one of a few swivel angles."""
-    within = elbow_from_middle(arm, cosine, sine, sign)[0] >= arm[ELBOW, COS_HALF]
+    within = elbow_from_middle(arm, cosine, sine, sign)[0] >= arm[Part.ELBOW, Elbow.COS_HALF]
     return within and first_within(arm, circles, 1.0, 0.0)[2]
 
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.kernels.kinematics.kinematic_tree import ACCELERATION, BASE, ROW, VELOCITY
-from maira_qp.kernels.kinematics.serial_chain import LOWER, PRISMATIC, START_LOWER, START_UPPER, UPPER
-from maira_qp.kernels.kinematics.serial_chain import ROW as CHAIN_ROW
+from maira_qp.kernels.kinematics.kinematic_tree import BASE
+from maira_qp.kernels.layout import Joint
 from maira_qp.robots.model.kinematics import Kinematics
 
 
@@ -48,17 +47,17 @@ class KinematicTree:
         model, n = kinematics.model, kinematics.n
         data = model.createData()
         pin.computeJointJacobians(model, data, np.zeros(n))
-        joints, parents, turns = np.zeros((n, ROW)), np.empty(n, np.int64), np.empty((n, 3, 3))
+        joints, parents, turns = np.zeros((n, Joint.TREE_WIDTH)), np.empty(n, np.int64), np.empty((n, 3, 3))
         for i in range(n):
             motion = pin.getJointJacobian(model, data, i + 1, pin.LOCAL).reshape(6, n)[:, i]
             prismatic = bool(np.abs(motion[:3]).max() > 0.5)
             turns[i] = _z_onto(motion[:3] if prismatic else motion[3:])
             parents[i] = model.parents[i + 1] - 1
             joints[i, :12] = _placed(turns, parents[i], model.jointPlacements[i + 1], turns[i])
-            joints[i, PRISMATIC] = prismatic
-        joints[:, LOWER], joints[:, UPPER] = limits
-        joints[:, START_LOWER], joints[:, START_UPPER] = drawn_range
-        joints[:, VELOCITY], joints[:, ACCELERATION] = velocity, acceleration
+            joints[i, Joint.PRISMATIC] = prismatic
+        joints[:, Joint.LOWER], joints[:, Joint.UPPER] = limits
+        joints[:, Joint.START_LOWER], joints[:, Joint.START_UPPER] = drawn_range
+        joints[:, Joint.VELOCITY], joints[:, Joint.ACCELERATION] = velocity, acceleration
         return KinematicTree(kinematics, joints, parents, turns)
 
     @property
@@ -74,8 +73,8 @@ class KinematicTree:
 
     def chain(self) -> np.ndarray:
         """The chain (n + 1, 17) of `kernels.kinematics.serial_chain`, of a tree in which every joint moves the tip."""
-        chain = np.zeros((self.n + 1, CHAIN_ROW))
-        chain[:-1] = self.joints[:, :CHAIN_ROW]
+        chain = np.zeros((self.n + 1, Joint.WIDTH))
+        chain[:-1] = self.joints[:, : Joint.WIDTH]
         chain[-1, :12] = self.frame(None)[1]
         return chain
 

@@ -7,7 +7,7 @@ from threading import Event
 import numpy as np
 
 from maira_qp.kernels.kinematics.unwrap import unwind
-from maira_qp.kernels.search.multi_start import SUCCESS
+from maira_qp.kernels.layout import Outcome
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.closed_form import find_in_closed_form
 from maira_qp.solvers.compiled.multi_start import find_by_descents
@@ -24,4 +24,4 @@ def find_anywhere(arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome: n
     else:
         find_by_descents(arrays, batch, q, outcome, halted)
     if arrays.turns is not None:
-        unwind(arrays.chain, arrays.turns.aim[None], outcome[:, SUCCESS], q)
+        unwind(arrays.chain, arrays.turns.aim[None], outcome[:, Outcome.SUCCESS], q)

@@ -7,10 +7,8 @@ from threading import Event
 import numpy as np
 
 from maira_qp.kernels.jit.simd import LANES
-from maira_qp.kernels.refinement.stabilized_sqp_simd import STATIONARITY_TOLERANCE
-from maira_qp.kernels.search.multi_start import FINAL_COST, PROVED, SUCCESS
+from maira_qp.kernels.layout import Outcome, SeedLanes, Settling
 from maira_qp.kernels.srs import nearest_pose, posture_seed, reach
-from maira_qp.kernels.srs.posture_seed import ROWS
 from maira_qp.kernels.srs.swivel_intervals import FLOATS, INTEGERS, PIECES
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.multi_start import attempt
@@ -26,21 +24,22 @@ def find_in_closed_form(arrays: ProblemArrays, batch: Batch, q: np.ndarray, outc
         assert arrays.redundancy is not None
         posture, weights = arrays.redundancy[2:].reshape(2, -1)
         reach_near_posture(arrays, batch.rows, posture, weights, q, outcome)
-        if outcome[:, SUCCESS].all():
+        if outcome[:, Outcome.SUCCESS].all():
             return
-        some = np.flatnonzero(outcome[:, SUCCESS] == 0.0)
+        some = np.flatnonzero(outcome[:, Outcome.SUCCESS] == 0.0)
     some_q, some_outcome = q[some], outcome[some]
     reach_in_closed_form(arrays, batch.some(some), some_q, some_outcome)
     q[some], outcome[some] = some_q, some_outcome
-    if outcome[:, SUCCESS].min() > 0.0:
+    if outcome[:, Outcome.SUCCESS].min() > 0.0:
         return
-    proved, left = np.flatnonzero(outcome[:, SUCCESS] == PROVED), np.flatnonzero(outcome[:, SUCCESS] == 0.0)
+    proved = np.flatnonzero(outcome[:, Outcome.SUCCESS] == Outcome.PROVED)
+    left = np.flatnonzero(outcome[:, Outcome.SUCCESS] == 0.0)
     approach_in_closed_form(arrays, batch, proved, q, outcome)
-    beyond = proved[~np.isfinite(outcome[proved, FINAL_COST])]
+    beyond = proved[~np.isfinite(outcome[proved, Outcome.FINAL_COST])]
     for open_ones, last in ((beyond, min(HEAD, arrays.last_attempt)), (left, arrays.last_attempt)):
         for part in parts(open_ones, last + 1, halted):
             q[part], outcome[part] = attempt(arrays, batch, 0, last, part)
-    outcome[proved, SUCCESS] = PROVED
+    outcome[proved, Outcome.SUCCESS] = Outcome.PROVED
 
 
 def reach_near_posture(
@@ -53,7 +52,7 @@ def reach_near_posture(
 ) -> None:
     """Put q (N, 7) of an S-R-S arm that reach the targets near a posture (7,), weighted; some are left open."""
     problem = arrays.chain, arrays.settings, arrays.proofs.srs, rows, posture, weights
-    memory = np.empty(FLOATS), np.empty(INTEGERS, np.int64), np.empty((ROWS, LANES)), np.empty((20, 3))
+    memory = np.empty(FLOATS), np.empty(INTEGERS, np.int64), np.empty((SeedLanes.WIDTH, LANES)), np.empty((20, 3))
     posture_seed.reach_near_posture(*problem, *memory, q, outcome)
 
 
@@ -69,7 +68,7 @@ def approach_in_closed_form(
 ) -> None:
     """Put the nearest points of some of the targets, which are out of reach, into q (N, 7)."""
     if len(some):
-        near, end, tolerance = q[some], outcome[some], arrays.settling[STATIONARITY_TOLERANCE]
+        near, end, tolerance = q[some], outcome[some], arrays.settling[Settling.STATIONARITY_TOLERANCE]
         problem, (rows, _, streams, shuffled) = (arrays.chain, arrays.settings, arrays.proofs.srs), batch.some(some)
         nearest_pose.nearest_in_closed_form(*problem, arrays.proofs.span, rows, streams, shuffled, tolerance, near, end)
         q[some], outcome[some] = near, end

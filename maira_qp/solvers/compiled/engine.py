@@ -11,12 +11,8 @@ from threading import Event
 
 import numpy as np
 
-from maira_qp.kernels.search.multi_start import (
-    OUTCOME,
-    SPENT,
-    SUCCESS,
-    admit,
-)
+from maira_qp.kernels.layout import Outcome
+from maira_qp.kernels.search.multi_start import admit
 from maira_qp.kernels.spatial.pose_validation import FINE, NOT_RIGID
 from maira_qp.orientation import ORTHONORMAL_WITHIN
 from maira_qp.problem.targets import SEED_0, streams
@@ -50,14 +46,15 @@ class Compiled(ProblemArrays):
         pose, that of the refinement (6,), see `refinement.finish`.
         """
         n = self.n
-        row, stream, q, outcome = np.empty((1, 12)), np.empty(1, np.uint64), np.empty((1, n)), np.empty((1, OUTCOME))
+        row, stream, q = np.empty((1, 12)), np.empty(1, np.uint64), np.empty((1, n))
+        outcome = np.empty((1, Outcome.WIDTH))
         starts = self.no_starts if q0 is None else q0.reshape(1, n)
         fault = admit(T, ORTHONORMAL_WITHIN, self.farthest, starts, seed, row, stream)
         if fault != FINE:
             return fault, row, q[0], [], []
         batch, after = Batch(row, starts, stream, seed is not SEED_0 and bool(seed.any())), []
         self.find(batch, q, outcome)
-        if self.settles or not outcome[0, SUCCESS] > 0.0:
+        if self.settles or not outcome[0, Outcome.SUCCESS] > 0.0:
             after = finish(self, batch, q, outcome).ravel().tolist()
         return fault, row, q[0], outcome[0].tolist(), after
 
@@ -81,14 +78,14 @@ class Compiled(ProblemArrays):
     ) -> Search:
         """Search for a target (12,) within the time of a budget; with a deadline it is looked up now and then."""
         batch = Batch(row.reshape(1, 12), self._starts(q0), stream, shuffled)
-        q, outcome = np.empty((1, self.robot.n)), np.empty((1, OUTCOME))
+        q, outcome = np.empty((1, self.robot.n)), np.empty((1, Outcome.WIDTH))
         if not budget.has_deadline:
             self.find(batch, q, outcome)
         elif not len(batch.starts):
             find_in_time(self, batch, q, outcome, budget)
         elif attempts(self, batch, 0, 0, q, outcome) > 0:
             self._near_start.search_in_time(batch, q, outcome, budget)
-        budget.iterations += int(outcome[0, SPENT])
+        budget.iterations += int(outcome[0, Outcome.SPENT])
         return found_by_kernel(self.robot, q[0], outcome[0])
 
     def solve_batch(

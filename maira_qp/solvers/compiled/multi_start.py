@@ -8,17 +8,9 @@ from threading import Event
 import numpy as np
 
 from maira_qp.kernels.jit.simd import LANES
+from maira_qp.kernels.layout import Outcome
 from maira_qp.kernels.search.levenberg_marquardt import lanes_memory
-from maira_qp.kernels.search.multi_start import (
-    ATTEMPT,
-    FINAL_COST,
-    OUTCOME,
-    PROVED,
-    SPENT,
-    SUCCESS,
-    memory_sizes,
-    search,
-)
+from maira_qp.kernels.search.multi_start import memory_sizes, search
 from maira_qp.kernels.search.seeds import has_long_slides, place_all
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.problem_arrays import ProblemArrays
@@ -55,7 +47,7 @@ def attempt(
     arrays: ProblemArrays, batch: Batch, first: int, last: int, some: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """q (k, n) and outcomes (k, 7) of the attempts first, ..., last at k of the targets."""
-    q, outcome = np.empty((len(some), arrays.n)), np.empty((len(some), OUTCOME))
+    q, outcome = np.empty((len(some), arrays.n)), np.empty((len(some), Outcome.WIDTH))
     attempts(arrays, batch.some(some), first, last, q, outcome)
     return q, outcome
 
@@ -64,18 +56,20 @@ def find_by_descents(arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome
     """The same for any chain: some descents at each target, then proofs, then the others at what resists."""
     last, head = arrays.last_attempt, min(HEAD, arrays.last_attempt)
     attempts(arrays, batch, 0, head, q, outcome)
-    if outcome[:, SUCCESS].all():
+    if outcome[:, Outcome.SUCCESS].all():
         return
-    left = np.flatnonzero((outcome[:, SUCCESS] == 0.0) & np.isfinite(outcome[:, FINAL_COST]))
+    left = np.flatnonzero((outcome[:, Outcome.SUCCESS] == 0.0) & np.isfinite(outcome[:, Outcome.FINAL_COST]))
     for part in parts(left, last + 1, halted):
         proved = arrays.proofs.unreachable(batch.rows[part])
-        outcome[part[proved], SUCCESS] = PROVED
+        outcome[part[proved], Outcome.SUCCESS] = Outcome.PROVED
         resisting = part[~proved]
         if head < last and len(resisting):
             found_q, found = attempt(arrays, batch, head + 1, last, resisting)
-            found[:, SPENT] += outcome[resisting, SPENT]
-            worse = (found[:, SUCCESS] == 0.0) & (outcome[resisting, FINAL_COST] <= found[:, FINAL_COST])
-            found[worse, FINAL_COST:] = outcome[resisting[worse], FINAL_COST:]
+            found[:, Outcome.SPENT] += outcome[resisting, Outcome.SPENT]
+            worse = (found[:, Outcome.SUCCESS] == 0.0) & (
+                outcome[resisting, Outcome.FINAL_COST] <= found[:, Outcome.FINAL_COST]
+            )
+            found[worse, Outcome.FINAL_COST :] = outcome[resisting[worse], Outcome.FINAL_COST :]
             found_q[worse] = q[resisting[worse]]
             q[resisting], outcome[resisting] = found_q, found
 
@@ -85,16 +79,20 @@ def find_in_time(arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome: np
     spent, proved = 0.0, False
     for first in range(0, arrays.last_attempt + 1, LANES):
         found_q, found = attempt(arrays, batch, first, min(first + LANES - 1, arrays.last_attempt), np.arange(1))
-        spent += found[0, SPENT]
-        if first == 0 or found[0, SUCCESS] > 0.0 or found[0, FINAL_COST] < outcome[0, FINAL_COST]:
+        spent += found[0, Outcome.SPENT]
+        if (
+            first == 0
+            or found[0, Outcome.SUCCESS] > 0.0
+            or found[0, Outcome.FINAL_COST] < outcome[0, Outcome.FINAL_COST]
+        ):
             q[:], outcome[:] = found_q, found
-        outcome[0, ATTEMPT] = found[0, ATTEMPT]
-        proved = first == 0 and not (found[0, SUCCESS] > 0.0 or budget.late()) and _is_proved(arrays, batch)
-        if found[0, SUCCESS] > 0.0 or proved or budget.late():
+        outcome[0, Outcome.ATTEMPT] = found[0, Outcome.ATTEMPT]
+        proved = first == 0 and not (found[0, Outcome.SUCCESS] > 0.0 or budget.late()) and _is_proved(arrays, batch)
+        if found[0, Outcome.SUCCESS] > 0.0 or proved or budget.late():
             break
-    outcome[0, SPENT] = spent
+    outcome[0, Outcome.SPENT] = spent
     if proved:
-        outcome[0, SUCCESS] = PROVED
+        outcome[0, Outcome.SUCCESS] = Outcome.PROVED
 
 
 def _is_proved(arrays: ProblemArrays, batch: Batch) -> bool:
@@ -103,7 +101,7 @@ def _is_proved(arrays: ProblemArrays, batch: Batch) -> bool:
 
 def descend(arrays: ProblemArrays, row: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where single descents from starts (N, n) toward a target (12,) end: q (N, n), outcomes (N, 7)."""
-    q, outcome = np.empty(starts.shape), np.empty((len(starts), OUTCOME))
+    q, outcome = np.empty(starts.shape), np.empty((len(starts), Outcome.WIDTH))
     batch = Batch(np.tile(row, (len(starts), 1)), starts, np.zeros(len(starts), np.uint64), False)
     attempts(arrays, batch, 0, 0, q, outcome)
     return q, outcome

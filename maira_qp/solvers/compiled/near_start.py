@@ -14,36 +14,7 @@ from threading import Event
 import numpy as np
 
 from maira_qp.kernels.kinematics.unwrap import unwind
-from maira_qp.kernels.refinement.stabilized_sqp_simd import (
-    ITERATIONS,
-    PROJECTED_GRADIENT,
-    REACHED,
-    STATIONARITY_TOLERANCE,
-)
-from maira_qp.kernels.refinement.stabilized_sqp_simd import ORIENTATION_ERROR as ORIENTATION_LEFT
-from maira_qp.kernels.refinement.stabilized_sqp_simd import OUTCOME as SETTLED
-from maira_qp.kernels.refinement.stabilized_sqp_simd import POSITION_ERROR as POSITION_LEFT
-from maira_qp.kernels.search.levenberg_marquardt import (
-    LONGEST,
-    ORIENTATION_TOLERANCE,
-    ORIENTATION_WEIGHT,
-    POSITION_TOLERANCE,
-    POSITION_WEIGHT,
-    STALL_RATIO,
-)
-from maira_qp.kernels.search.multi_start import (
-    ATTEMPT,
-    FINAL_COST,
-    LEFT,
-    MOVED,
-    ORIENTATION_ERROR,
-    OUTCOME,
-    POSITION_ERROR,
-    PROVED,
-    SPENT,
-    SUCCESS,
-    WANDERED,
-)
+from maira_qp.kernels.layout import Outcome, Refinement, Setting, Settling
 from maira_qp.solvers.compiled.anywhere import find_anywhere
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.closed_form import reach_near_posture
@@ -72,22 +43,22 @@ class NearStart:
     def of(arrays: ProblemArrays) -> NearStart:
         """For a problem."""
         settings, last = arrays.settings.copy(), arrays.last_attempt
-        settings[LONGEST], settings[STALL_RATIO] = SHORT_STEP, 0.0
+        settings[Setting.LONGEST], settings[Setting.STALL_RATIO] = SHORT_STEP, 0.0
         elsewhere = replace(arrays, last_attempt=last - 1) if last > 0 else None
         return NearStart(arrays, replace(arrays, settings=settings), elsewhere)
 
     def search_on(self, batch: Batch, q: np.ndarray, outcome: np.ndarray, halted: Event) -> None:
         """From where the descents from the starts ended: q (N, n) and outcomes (N, 9) in place."""
-        arrived = (outcome[:, SUCCESS] > 0.0) & (outcome[:, WANDERED] == 0.0)
+        arrived = (outcome[:, Outcome.SUCCESS] > 0.0) & (outcome[:, Outcome.WANDERED] == 0.0)
         for part in parts(
-            np.flatnonzero(~arrived & np.isfinite(outcome[:, FINAL_COST])), self.arrays.last_attempt + 1, halted
+            np.flatnonzero(~arrived & np.isfinite(outcome[:, Outcome.FINAL_COST])), self.arrays.last_attempt + 1, halted
         ):
             some, near, end = batch.some(part), q[part], outcome[part]
             self._follow(some, near, end)
             self._look_nearer(some, near, end)
-            left = np.flatnonzero(end[:, SUCCESS] == 0.0)
+            left = np.flatnonzero(end[:, Outcome.SUCCESS] == 0.0)
             if len(left) and self.elsewhere is None:
-                end[left[self.arrays.proofs.unreachable(some.rows[left])], SUCCESS] = PROVED
+                end[left[self.arrays.proofs.unreachable(some.rows[left])], Outcome.SUCCESS] = Outcome.PROVED
             elif len(left):
                 there = self._look_elsewhere(some.some(left), halted)
                 near[left], end[left] = self._better(some.some(left), (near[left], end[left]), there)
@@ -97,10 +68,10 @@ class NearStart:
         """The same for one target for which there may be too little time."""
         self._follow(batch, q, outcome)
         self._look_nearer(batch, q, outcome)
-        if outcome[0, SUCCESS] > 0.0 or self.elsewhere is None or budget.late():
+        if outcome[0, Outcome.SUCCESS] > 0.0 or self.elsewhere is None or budget.late():
             return
         there = self._look_beside(batch)
-        if there[1][0, SUCCESS] == 0.0 and not budget.late():
+        if there[1][0, Outcome.SUCCESS] == 0.0 and not budget.late():
             find_in_time(self.elsewhere, batch.anywhere, *there, budget)
             self._turn_and_approach(batch, *there)
         q[:], outcome[:] = self._better(batch, (q, outcome), there)
@@ -109,15 +80,15 @@ class NearStart:
         """To the pose or a nearest point, in place; where a descent wandered, in short steps if that ends nearer."""
         self._approach(self.arrays, batch, q, outcome)
         far = _displacements(q, batch.starts)
-        moved = np.where(outcome[:, SUCCESS] > 0.0, outcome[:, WANDERED] > 0.0, far > NEAR)
+        moved = np.where(outcome[:, Outcome.SUCCESS] > 0.0, outcome[:, Outcome.WANDERED] > 0.0, far > NEAR)
         again = np.flatnonzero(moved)
         if not len(again):
             return
         some, steady = batch.some(again), np.zeros(len(again), dtype=bool)
-        near, end = np.empty((len(again), q.shape[1])), np.empty((len(again), OUTCOME))
+        near, end = np.empty((len(again), q.shape[1])), np.empty((len(again), Outcome.WIDTH))
         attempts(self.in_short_steps, some, 0, 0, near, end)
         steady = self._approach(self.in_short_steps, some, near, end)
-        arrived = (outcome[again, SUCCESS] > 0.0) & (end[:, SUCCESS] > 0.0)
+        arrived = (outcome[again, Outcome.SUCCESS] > 0.0) & (end[:, Outcome.SUCCESS] > 0.0)
         taken = steady & ~(arrived & (_displacements(near, some.starts) >= far[again]))
         which = again[taken]
         wandered = q[which], outcome[which]
@@ -126,118 +97,126 @@ class NearStart:
     def _look_nearer(self, batch: Batch, q: np.ndarray, outcome: np.ndarray) -> None:
         """Where a descent reaches its target, but only far away: what does so near the start, in place."""
         far = _displacements(q, batch.starts)
-        which = np.flatnonzero((outcome[:, SUCCESS] > 0.0) & (outcome[:, WANDERED] > 0.0) & (far > NEAR))
+        which = np.flatnonzero(
+            (outcome[:, Outcome.SUCCESS] > 0.0) & (outcome[:, Outcome.WANDERED] > 0.0) & (far > NEAR)
+        )
         if not len(which) or self.elsewhere is None:
             return
         some = batch.some(which)
         there, found = self._look_beside(some)
-        nearer = (found[:, SUCCESS] > 0.0) & (_displacements(there, some.starts) < far[which])
-        outcome[which, SPENT] += found[:, SPENT]
+        nearer = (found[:, Outcome.SUCCESS] > 0.0) & (_displacements(there, some.starts) < far[which])
+        outcome[which, Outcome.SPENT] += found[:, Outcome.SPENT]
         q[which[nearer]] = there[nearer]
-        for column in (FINAL_COST, POSITION_ERROR, ORIENTATION_ERROR):
+        for column in (Outcome.FINAL_COST, Outcome.POSITION_ERROR, Outcome.ORIENTATION_ERROR):
             outcome[which[nearer], column] = found[nearer, column]
 
     def _look_elsewhere(self, batch: Batch, halted: Event) -> Found:
         """What is found from other starts: reached near the own one if possible, else anywhere, or nearest points."""
         assert self.elsewhere is not None
         q, outcome = self._look_beside(batch)
-        left = np.flatnonzero(outcome[:, SUCCESS] == 0.0)
+        left = np.flatnonzero(outcome[:, Outcome.SUCCESS] == 0.0)
         if len(left):
             some = batch.some(left)
-            far, end = np.empty((len(left), q.shape[1])), np.empty((len(left), OUTCOME))
+            far, end = np.empty((len(left), q.shape[1])), np.empty((len(left), Outcome.WIDTH))
             find_anywhere(self.elsewhere, some.anywhere, far, end, halted)
             self._turn_and_approach(some, far, end)
-            end[:, SPENT] += outcome[left, SPENT]
+            end[:, Outcome.SPENT] += outcome[left, Outcome.SPENT]
             q[left], outcome[left] = far, end
         return q, outcome
 
     def _look_beside(self, batch: Batch) -> Found:
         """What reaches the targets near the starts; where nothing does the outcome is no success."""
         count, n = batch.starts.shape
-        q, outcome = np.zeros((count, n)), np.zeros((count, OUTCOME))
+        q, outcome = np.zeros((count, n)), np.zeros((count, Outcome.WIDTH))
         if self.arrays.proofs.srs is not None:
             for k in range(count):
                 reach_near_posture(
                     self.arrays, batch.rows[k : k + 1], batch.starts[k], np.ones(n), q[k : k + 1], outcome[k : k + 1]
                 )
-            unwind(self.arrays.chain, batch.starts, outcome[:, SUCCESS], q)
+            unwind(self.arrays.chain, batch.starts, outcome[:, Outcome.SUCCESS], q)
         else:
             around = starts_beside(self.arrays.robot, batch.starts).reshape(-1, n)
             many = batch.some(np.repeat(np.arange(count), BESIDE))
-            ends, found = np.empty(around.shape), np.empty((len(around), OUTCOME))
+            ends, found = np.empty(around.shape), np.empty((len(around), Outcome.WIDTH))
             attempts(self.arrays, many._replace(starts=around), 0, 0, ends, found)
-            unwind(self.arrays.chain, many.starts, found[:, SUCCESS], ends)
-            apart = np.where(found[:, SUCCESS] > 0.0, _displacements(ends, many.starts), np.inf).reshape(count, BESIDE)
+            unwind(self.arrays.chain, many.starts, found[:, Outcome.SUCCESS], ends)
+            apart = np.where(found[:, Outcome.SUCCESS] > 0.0, _displacements(ends, many.starts), np.inf).reshape(
+                count, BESIDE
+            )
             nearest = apart.argmin(axis=1)
             chosen = nearest + BESIDE * np.arange(count)
             q[:], outcome[:] = ends[chosen], found[chosen]
-            outcome[:, ATTEMPT] = nearest
-            outcome[:, SPENT] = found[:, SPENT].reshape(count, BESIDE).sum(axis=1)
-        outcome[:, ATTEMPT] = np.minimum(outcome[:, ATTEMPT] + 1.0, self.arrays.last_attempt)
+            outcome[:, Outcome.ATTEMPT] = nearest
+            outcome[:, Outcome.SPENT] = found[:, Outcome.SPENT].reshape(count, BESIDE).sum(axis=1)
+        outcome[:, Outcome.ATTEMPT] = np.minimum(outcome[:, Outcome.ATTEMPT] + 1.0, self.arrays.last_attempt)
         return q, outcome
 
     def _turn_and_approach(self, batch: Batch, q: np.ndarray, outcome: np.ndarray) -> None:
         """What was found without the starts: turned to them, and where it is short at the nearest point."""
-        outcome[:, ATTEMPT] += 1.0
-        proved = outcome[:, SUCCESS] == PROVED
+        outcome[:, Outcome.ATTEMPT] += 1.0
+        proved = outcome[:, Outcome.SUCCESS] == Outcome.PROVED
         unwind(self.arrays.chain, batch.starts, np.ones(len(q)), q)
         self._approach(self.arrays, batch, q, outcome)
-        outcome[proved, SUCCESS] = PROVED
+        outcome[proved, Outcome.SUCCESS] = Outcome.PROVED
 
     def _approach(self, arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome: np.ndarray) -> np.ndarray:
         """From what does not reach its target to the nearest point, in place.
 
         Returns which of q (N, n) reach their targets or are stationary, (N,).
         """
-        steady = outcome[:, SUCCESS] > 0.0
-        short = np.flatnonzero(~steady & np.isfinite(outcome[:, FINAL_COST]))
+        steady = outcome[:, Outcome.SUCCESS] > 0.0
+        short = np.flatnonzero(~steady & np.isfinite(outcome[:, Outcome.FINAL_COST]))
         if not len(short):
             return steady
         q[short], end = nearest(arrays, batch.rows[short], references(arrays, batch.some(short)), q[short])
-        outcome[short, SUCCESS] = end[:, REACHED]
-        outcome[short, SPENT] += end[:, ITERATIONS]
-        outcome[short, POSITION_ERROR] = end[:, POSITION_LEFT]
-        outcome[short, ORIENTATION_ERROR] = end[:, ORIENTATION_LEFT]
-        outcome[short, FINAL_COST] = 0.5 * np.square(self._weighted_errors(outcome[short]))
-        steady[short] = (end[:, REACHED] > 0.0) | (
-            end[:, PROJECTED_GRADIENT] <= arrays.settling[STATIONARITY_TOLERANCE]
+        outcome[short, Outcome.SUCCESS] = end[:, Refinement.REACHED]
+        outcome[short, Outcome.SPENT] += end[:, Refinement.ITERATIONS]
+        outcome[short, Outcome.POSITION_ERROR] = end[:, Refinement.POSITION_ERROR]
+        outcome[short, Outcome.ORIENTATION_ERROR] = end[:, Refinement.ORIENTATION_ERROR]
+        outcome[short, Outcome.FINAL_COST] = 0.5 * np.square(self._weighted_errors(outcome[short]))
+        steady[short] = (end[:, Refinement.REACHED] > 0.0) | (
+            end[:, Refinement.PROJECTED_GRADIENT] <= arrays.settling[Settling.STATIONARITY_TOLERANCE]
         )
         return steady
 
     def _better(self, batch: Batch, near: Found, there: Found) -> Found:
         """Of what is near and what is there the former, unless the latter is worth leaving for."""
         (q, end), (other, found) = near, there
-        arrived, reached = end[:, SUCCESS] > 0.0, found[:, SUCCESS] > 0.0
+        arrived, reached = end[:, Outcome.SUCCESS] > 0.0, found[:, Outcome.SUCCESS] > 0.0
         errors = self._weighted_errors(found)
         if self.arrays.trades_off and reached.any():
             errors[reached] = self._traded_off(batch.some(reached), other[reached])
             reached[:] = False
         leaves = ~arrived & (reached | (self._weighted_errors(end) - errors > self._margin))
         outcome = np.where(leaves[:, None], found, end)
-        outcome[:, MOVED], outcome[:, LEFT] = end[:, MOVED], leaves | (end[:, LEFT] > 0.0)
-        outcome[:, ATTEMPT], outcome[:, SPENT] = found[:, ATTEMPT], end[:, SPENT] + found[:, SPENT]
-        outcome[~arrived & (found[:, SUCCESS] == PROVED), SUCCESS] = PROVED
+        outcome[:, Outcome.MOVED] = end[:, Outcome.MOVED]
+        outcome[:, Outcome.LEFT] = leaves | (end[:, Outcome.LEFT] > 0.0)
+        outcome[:, Outcome.ATTEMPT] = found[:, Outcome.ATTEMPT]
+        outcome[:, Outcome.SPENT] = end[:, Outcome.SPENT] + found[:, Outcome.SPENT]
+        outcome[~arrived & (found[:, Outcome.SUCCESS] == Outcome.PROVED), Outcome.SUCCESS] = Outcome.PROVED
         return np.where(leaves[:, None], other, q), outcome
 
     def _traded_off(self, batch: Batch, q: np.ndarray) -> np.ndarray:
         """|W e| (N,) that a redundancy by weight leaves of the errors of q (N, n), which reach their targets."""
-        q, end = q.copy(), np.empty((len(q), SETTLED))
+        q, end = q.copy(), np.empty((len(q), Refinement.WIDTH))
         refine(self.arrays, batch.rows, references(self.arrays, batch), q, end)
-        return self._weighted(end[:, [POSITION_LEFT, ORIENTATION_LEFT]])
+        return self._weighted(end[:, [Refinement.POSITION_ERROR, Refinement.ORIENTATION_ERROR]])
 
     def _weighted_errors(self, outcome: np.ndarray) -> np.ndarray:
         """|W e| (N,) of outcomes (N, 9)."""
-        return self._weighted(outcome[:, [POSITION_ERROR, ORIENTATION_ERROR]])
+        return self._weighted(outcome[:, [Outcome.POSITION_ERROR, Outcome.ORIENTATION_ERROR]])
 
     def _weighted(self, errors: np.ndarray) -> np.ndarray:
         """|W e| (N,) of errors of position and orientation (N, 2)."""
-        weights = self.arrays.settings[[POSITION_WEIGHT, ORIENTATION_WEIGHT]]
+        weights = self.arrays.settings[[Setting.POSITION_WEIGHT, Setting.ORIENTATION_WEIGHT]]
         return np.asarray(np.linalg.norm(weights * errors, axis=1))
 
     @property
     def _margin(self) -> float:
         """|W (position tolerance, orientation tolerance)|."""
-        return float(self._weighted(self.arrays.settings[None, [POSITION_TOLERANCE, ORIENTATION_TOLERANCE]])[0])
+        return float(
+            self._weighted(self.arrays.settings[None, [Setting.POSITION_TOLERANCE, Setting.ORIENTATION_TOLERANCE]])[0]
+        )
 
 
 def _displacements(q: np.ndarray, starts: np.ndarray) -> np.ndarray:

@@ -11,15 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from maira_qp.kernels.kinematics.serial_chain import LOWER, START_LOWER, START_UPPER, UPPER
 from maira_qp.kernels.kinematics.unwrap import TURN
-from maira_qp.kernels.search.levenberg_marquardt import (
-    LEAST_DAMPING,
-    MAX_ITERATIONS,
-    ORIENTATION_TOLERANCE,
-    POSITION_TOLERANCE,
-    STALL_RATIO,
-)
+from maira_qp.kernels.layout import Joint, Setting, Settling
 from maira_qp.kernels.search.multi_start import FARTHEST_START
 from maira_qp.problem.objectives import LimitDistance, Posture
 from maira_qp.problem.problem import Problem
@@ -70,18 +63,18 @@ class ProblemArrays:
     chain: np.ndarray
     """(n + 1, 17)"""
     settings: np.ndarray
-    """(16,) see `kernels.search.levenberg_marquardt`"""
+    """(16,) see `kernels.layout.Setting`"""
     library: np.ndarray
     """(K, n)"""
     features: np.ndarray
-    """(K / LANES, FEATURES, LANES)"""
+    """(K / LANES, Feature.WIDTH, LANES)"""
     candidates: int
     """Random configurations of which a start is the best"""
     last_attempt: int
     redundancy: np.ndarray | None
     """(2 + 2 n,) kind, weight, reference and weights of a posture; None: another wish"""
     settling: np.ndarray
-    """(7,) see `kernels.refinement.stabilized_sqp_simd`"""
+    """(7,) see `kernels.layout.Settling`"""
     proofs: Proofs
     turns: WholeTurns | None
     """Counted to stay near the posture that is wished for, or the middle, where joints have a turn or more"""
@@ -92,38 +85,35 @@ class ProblemArrays:
         robot, task, options = problem.robot, problem.tasks[0], problem.options
         assert isinstance(task, FrameTask)
         weights = task.all_weights
-        settings = np.array(
-            [
-                weights[0],
-                weights[5],
-                options.position_tolerance,
-                options.orientation_tolerance,
-                options.max_iterations,
-                options.damping,
-                options.stall_steps,
-                options.stall_ratio,
-                descent.ACCEPTED,
-                descent.REFUSED,
-                *descent.FACTOR_RANGE,
-                descent.LEAST_DAMPING,
-                np.inf,
-                neighbourhood.NEAR,
-                neighbourhood.NEAR_BY_ERROR,
-            ]
+        settings = Setting.row(
+            POSITION_WEIGHT=weights[0],
+            ORIENTATION_WEIGHT=weights[5],
+            POSITION_TOLERANCE=options.position_tolerance,
+            ORIENTATION_TOLERANCE=options.orientation_tolerance,
+            MAX_ITERATIONS=options.max_iterations,
+            DAMPING=options.damping,
+            STALL_STEPS=options.stall_steps,
+            STALL_RATIO=options.stall_ratio,
+            ACCEPTED=descent.ACCEPTED,
+            REFUSED=descent.REFUSED,
+            LEAST_FACTOR=descent.FACTOR_RANGE[0],
+            MOST_FACTOR=descent.FACTOR_RANGE[1],
+            LEAST_DAMPING=descent.LEAST_DAMPING,
+            LONGEST=np.inf,
+            NEAR=neighbourhood.NEAR,
+            NEAR_BY_ERROR=neighbourhood.NEAR_BY_ERROR,
         )
-        constants = np.array(
-            [
-                options.max_settling,
-                options.stationarity_tolerance,
-                settling.FIRST_RADIUS,
-                settling.LEAST_RADIUS,
-                settling.RESTORING,
-                settling.RESTORED,
-                settling.RESOLUTION,
-            ]
+        constants = Settling.row(
+            MAX_SETTLING=options.max_settling,
+            STATIONARITY_TOLERANCE=options.stationarity_tolerance,
+            FIRST_RADIUS=settling.FIRST_RADIUS,
+            LEAST_RADIUS=settling.LEAST_RADIUS,
+            RESTORING=settling.RESTORING,
+            RESTORED=settling.RESTORED,
+            RESOLUTION=settling.RESOLUTION,
         )
         turns, chain = problem.turns, robot.chain.copy()
-        chain[:-1, START_LOWER], chain[:-1, START_UPPER] = turns.window
+        chain[:-1, Joint.START_LOWER], chain[:-1, Joint.START_UPPER] = turns.window
         library = starting_library(robot, *turns.window)
         proofs = Proofs.build(problem)
         assert proofs is not None
@@ -197,14 +187,15 @@ class ProblemArrays:
     def exact(self) -> Self:
         """The same with descents that do not end before the last digits, even next to a singularity."""
         settings = self.settings.copy()
-        settings[[POSITION_TOLERANCE, ORIENTATION_TOLERANCE]] = EXACT
-        settings[STALL_RATIO], settings[LEAST_DAMPING], settings[MAX_ITERATIONS] = 0.0, LEAST_EXACT_DAMPING, 1000
+        settings[[Setting.POSITION_TOLERANCE, Setting.ORIENTATION_TOLERANCE]] = EXACT
+        settings[Setting.STALL_RATIO], settings[Setting.LEAST_DAMPING] = 0.0, LEAST_EXACT_DAMPING
+        settings[Setting.MAX_ITERATIONS] = 1000
         return replace(self, settings=settings)
 
     def without_limits(self, joints: np.ndarray) -> Self:
         """The same with some joints (n,) of bool set free."""
         chain = self.chain.copy()
-        chain[:-1, LOWER][joints], chain[:-1, UPPER][joints] = -np.inf, np.inf
+        chain[:-1, Joint.LOWER][joints], chain[:-1, Joint.UPPER][joints] = -np.inf, np.inf
         return replace(self, chain=chain)
 
     def with_problem(self, problem: Problem) -> Self:

@@ -8,18 +8,9 @@ from functools import partial
 import numpy as np
 
 from maira_qp.kernels.kinematics.unwrap import has_free_turn, unwind, unwind_free
+from maira_qp.kernels.layout import Outcome, Refinement, Settling
 from maira_qp.kernels.refinement.nearest_pose import nearest_points
 from maira_qp.kernels.refinement.null_space_sqp import settle, trade_off_each
-from maira_qp.kernels.refinement.stabilized_sqp_simd import (
-    ITERATIONS,
-    MAX_SETTLING,
-    OBJECTIVE,
-    PROJECTED_GRADIENT,
-    REACHED,
-    STATIONARITY_TOLERANCE,
-)
-from maira_qp.kernels.refinement.stabilized_sqp_simd import OUTCOME as SETTLED
-from maira_qp.kernels.search.multi_start import ATTEMPT, FINAL_COST, SPENT, SUCCESS
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.multi_start import attempt
 from maira_qp.solvers.compiled.problem_arrays import WEIGHT, ProblemArrays
@@ -35,15 +26,15 @@ def finish(arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome: np.ndarr
 
     The second outcomes (N, 6), see `kernels.refinement.null_space_sqp.settle`; NaN where there was nothing to do.
     """
-    after = np.full((len(q), SETTLED), np.nan)
+    after = np.full((len(q), Refinement.WIDTH), np.nan)
     if arrays.settles:
         refine(arrays, batch.rows, references(arrays, batch), q, after)
         if not len(batch.starts):
-            for k in np.flatnonzero((outcome[:, SUCCESS] > 0.0) & ~is_converged(arrays, after)).tolist():
+            for k in np.flatnonzero((outcome[:, Outcome.SUCCESS] > 0.0) & ~is_converged(arrays, after)).tolist():
                 _refine_elsewhere(arrays, batch, k, q, outcome, after)
-    if outcome[:, SUCCESS].min() > 0.0:
+    if outcome[:, Outcome.SUCCESS].min() > 0.0:
         return after
-    short = np.flatnonzero(~(outcome[:, SUCCESS] > 0.0) & np.isfinite(outcome[:, FINAL_COST]))
+    short = np.flatnonzero(~(outcome[:, Outcome.SUCCESS] > 0.0) & np.isfinite(outcome[:, Outcome.FINAL_COST]))
     if len(short):
         q[short], after[short] = nearest(arrays, batch.rows[short], references(arrays, batch.some(short)), q[short])
     return after
@@ -65,9 +56,9 @@ def refine(arrays: ProblemArrays, rows: np.ndarray, near: np.ndarray | None, q: 
 
 def refined(arrays: ProblemArrays, row: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The optima of the redundancy near q (N, n), which reach a target (12,), and whether they are reached (N,)."""
-    q, outcome = q.copy(), np.empty((len(q), SETTLED))
+    q, outcome = q.copy(), np.empty((len(q), Refinement.WIDTH))
     refine(arrays, np.tile(row, (len(q), 1)), None, q, outcome)
-    return q, (outcome[:, REACHED] > 0.0) & is_converged(arrays, outcome)
+    return q, (outcome[:, Refinement.REACHED] > 0.0) & is_converged(arrays, outcome)
 
 
 def nearest(
@@ -77,7 +68,7 @@ def nearest(
 
     Joints turn to what is `near`, (N, n) or (1, n), as `_at_turns` says; None: they keep their turns.
     """
-    q, after, free = q.copy(), np.empty((len(q), SETTLED)), np.zeros(arrays.n)
+    q, after, free = q.copy(), np.empty((len(q), Refinement.WIDTH)), np.zeros(arrays.n)
     _approach(arrays, rows, q, after)
     if near is not None:
         _at_turns(arrays, rows, near, (free, free), partial(_approach, arrays), q, after)
@@ -93,7 +84,7 @@ def references(arrays: ProblemArrays, batch: Batch) -> np.ndarray | None:
 
 def is_converged(arrays: ProblemArrays, after: np.ndarray) -> np.ndarray:
     """Which of the second outcomes (N, 6) are optima, (N,)."""
-    return np.asarray(after[:, PROJECTED_GRADIENT] <= arrays.settling[STATIONARITY_TOLERANCE])
+    return np.asarray(after[:, Refinement.PROJECTED_GRADIENT] <= arrays.settling[Settling.STATIONARITY_TOLERANCE])
 
 
 def _refine_strictly(arrays: ProblemArrays, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
@@ -109,7 +100,7 @@ def _trade_off(arrays: ProblemArrays, rows: np.ndarray, q: np.ndarray, after: np
 
 def _trade_off_again(arrays: ProblemArrays, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
     """From near such optima."""
-    after[:, [REACHED, ITERATIONS]] = 1.0, 0.0
+    after[:, [Refinement.REACHED, Refinement.ITERATIONS]] = 1.0, 0.0
     _trade_off(arrays, rows, q, after)
 
 
@@ -129,18 +120,18 @@ def _at_turns(
     """
     if not has_free_turn(arrays.chain, near, *posture, q):
         return
-    which = after[:, PROJECTED_GRADIENT] < np.inf
+    which = after[:, Refinement.PROJECTED_GRADIENT] < np.inf
     for _ in range(TURNINGS):
         turned, there = which.copy(), q.copy()
         unwind_free(arrays.chain, near, *posture, turned, there)
         some = np.flatnonzero(turned)
         if not len(some):
             return
-        q_some, end = there[some], np.empty((len(some), SETTLED))
+        q_some, end = there[some], np.empty((len(some), Refinement.WIDTH))
         refine(rows[some], q_some, end)
-        end[:, ITERATIONS] += after[some, ITERATIONS]
+        end[:, Refinement.ITERATIONS] += after[some, Refinement.ITERATIONS]
         worse = (is_converged(arrays, after[some]) & ~is_converged(arrays, end)) | (
-            end[:, REACHED] < after[some, REACHED]
+            end[:, Refinement.REACHED] < after[some, Refinement.REACHED]
         )
         q[some[~worse]], after[some[~worse]] = q_some[~worse], end[~worse]
         which[some[worse]] = False
@@ -153,20 +144,20 @@ def _refine_elsewhere(
 
     In a narrow fold of the self-motion steps are short, and a walk stops; from its other side it may be easy.
     """
-    some, begun = np.array([k]), outcome[k, ATTEMPT]
+    some, begun = np.array([k]), outcome[k, Outcome.ATTEMPT]
     for _ in range(ELSEWHERE):
         first = int(begun) + 1
         if first > arrays.last_attempt:
             return
         there, found = attempt(arrays, batch, first, arrays.last_attempt, some)
-        if not found[0, SUCCESS] > 0.0:
+        if not found[0, Outcome.SUCCESS] > 0.0:
             return
-        begun, end = found[0, ATTEMPT], np.full((1, SETTLED), np.nan)
+        begun, end = found[0, Outcome.ATTEMPT], np.full((1, Refinement.WIDTH), np.nan)
         if arrays.turns is not None:
-            unwind(arrays.chain, arrays.turns.aim[None], found[:, SUCCESS], there)
+            unwind(arrays.chain, arrays.turns.aim[None], found[:, Outcome.SUCCESS], there)
         refine(arrays, batch.rows[some], references(arrays, batch.some(some)), there, end)
-        if is_converged(arrays, end)[0] and end[0, OBJECTIVE] <= WORTH * after[k, OBJECTIVE]:
-            found[0, SPENT] += outcome[k, SPENT]
+        if is_converged(arrays, end)[0] and end[0, Refinement.OBJECTIVE] <= WORTH * after[k, Refinement.OBJECTIVE]:
+            found[0, Outcome.SPENT] += outcome[k, Outcome.SPENT]
             q[k], outcome[k], after[k] = there[0], found[0], end[0]
             return
 
@@ -174,5 +165,5 @@ def _refine_elsewhere(
 def _approach(arrays: ProblemArrays, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
     """To the stationary points of the pose error, in place."""
     posture = arrays.posture if arrays.settles else (np.full(arrays.n, np.nan), np.zeros(arrays.n))
-    tolerance, most = arrays.settling[STATIONARITY_TOLERANCE], int(arrays.settling[MAX_SETTLING])
+    tolerance, most = arrays.settling[Settling.STATIONARITY_TOLERANCE], int(arrays.settling[Settling.MAX_SETTLING])
     nearest_points(arrays.chain, arrays.settings, rows, *posture, tolerance, most, q, after)

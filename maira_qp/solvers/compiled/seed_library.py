@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.simd import LANES
-from maira_qp.kernels.search.seeds import FEATURES, SQUARE, fill_library
+from maira_qp.kernels.layout import Feature
+from maira_qp.kernels.search.seeds import fill_library
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.targets import row_of
 from maira_qp.robots.model.revolutions import WholeTurns
@@ -36,12 +37,12 @@ def starting_library(robot: Robot, lower: np.ndarray, upper: np.ndarray) -> np.n
 
 
 def library_features(robot: Robot, library: np.ndarray, settings: np.ndarray, posture: Posture | None) -> np.ndarray:
-    """Features (LIBRARY / LANES, FEATURES, LANES) of a library, see `kernels.search.seeds`.
+    """Features (LIBRARY / LANES, 13, LANES) of a library, see `kernels.search.seeds`.
 
     Their square counts the distance from a posture too, or from the middle. Slides that are placed by the target count
     in neither.
     """
-    features, turns = np.empty((LIBRARY // LANES, FEATURES, LANES)), WholeTurns(robot, robot.middle)
+    features, turns = np.empty((LIBRARY // LANES, Feature.WIDTH, LANES)), WholeTurns(robot, robot.middle)
     poses = np.array([row_of(robot.at(q).placement(None)) for q in library])
     if turns.long_slides.any():
         poses[:, 9:] = poses[:, 9:] @ _across_slides(robot, turns.long_slides)
@@ -51,10 +52,10 @@ def library_features(robot: Robot, library: np.ndarray, settings: np.ndarray, po
         posture, share = Posture(weights=(~turns.everywhere).astype(float)).of(robot), MIDDLE_SHARE
     distance = np.square(library - posture.q_ref) @ (posture.weights * ~turns.long_slides)
     distance = np.minimum(distance, distance.mean())  # nothing else is near a target in a corner of the limits
-    poses = features[:, :SQUARE]
+    poses = features[:, : Feature.SQUARE]
     spread = np.square(poses - poses.mean(axis=(0, 2), keepdims=True)).sum(axis=1).mean()
     if distance.mean() > 0.0:
-        features[:, SQUARE] += (share * spread / distance.mean()) * distance.reshape(-1, LANES)
+        features[:, Feature.SQUARE] += (share * spread / distance.mean()) * distance.reshape(-1, LANES)
     return features
 
 

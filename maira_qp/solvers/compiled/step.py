@@ -17,9 +17,9 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.arrays import is_native
-from maira_qp.kernels.control.level_models import OBJECTIVE_GAIN, REFERENCE, WEIGHT
 from maira_qp.kernels.control.step import tick
 from maira_qp.kernels.control.step_workspace import memory_sizes
+from maira_qp.kernels.layout import Level, Step
 from maira_qp.kernels.spatial.pose_validation import FINE
 from maira_qp.orientation import ORTHONORMAL_WITHIN
 from maira_qp.problem.limits.joint import FEASIBILITY
@@ -70,7 +70,7 @@ class CompiledTick:
     @staticmethod
     def build(problem: Problem) -> CompiledTick:
         """The arrays of a problem that is not `unsupported`."""
-        robot, options, levels = problem.robot, problem.options, _levels(problem)
+        robot, levels = problem.robot, _levels(problem)
         assert levels is not None
         tree = robot.tree
         each = [task_arrays(tree, problem.frames, task, k) for k, level in enumerate(levels) for task in level.tasks]
@@ -84,24 +84,7 @@ class CompiledTick:
             tasks=np.array([row for row, _, _ in each]),
             places=np.array([place for _, place, _ in each], np.int64),
             objectives=np.array([_objective_row(robot, level) for level in levels]),
-            numbers=np.array(
-                [
-                    options.damping,
-                    LEAST_DAMPING,
-                    HALVINGS,
-                    ORTHONORMAL_WITHIN,
-                    FARTHEST * robot.length,
-                    FEASIBILITY,
-                    np.isfinite(robot.acceleration_limit).any(),
-                    len(problem.tasks),
-                    rows,
-                    options.level_position_tolerance,
-                    options.level_orientation_tolerance,
-                    options.position_tolerance,
-                    options.orientation_tolerance,
-                    options.stationarity_tolerance,
-                ]
-            ),
+            numbers=_numbers(problem, rows),
             still=np.zeros(robot.n),
             sizes=memory_sizes(robot.n, len(each), rows, len(levels)),
         )
@@ -152,6 +135,27 @@ class CompiledTick:
                 return None
             T[4 * k : 4 * k + 4] = pose
         return T
+
+
+def _numbers(problem: Problem, rows: int) -> np.ndarray:
+    """The numbers (14,) of a problem whose tasks can have so many rows, see `kernels.layout.Step`."""
+    robot, options = problem.robot, problem.options
+    return Step.row(
+        DAMPING=options.damping,
+        LEAST_DAMPING=LEAST_DAMPING,
+        HALVINGS=HALVINGS,
+        WITHIN=ORTHONORMAL_WITHIN,
+        FARTHEST=FARTHEST * robot.length,
+        FEASIBILITY=FEASIBILITY,
+        IS_SLOW=bool(np.isfinite(robot.acceleration_limit).any()),
+        FIRST=len(problem.tasks),
+        ROWS=rows,
+        POSITION_LOSS=options.level_position_tolerance,
+        ORIENTATION_LOSS=options.level_orientation_tolerance,
+        POSITION_WITHIN=options.position_tolerance,
+        ORIENTATION_WITHIN=options.orientation_tolerance,
+        STATIONARITY=options.stationarity_tolerance,
+    )
 
 
 def _matrix(target: Any) -> np.ndarray | None:
@@ -213,9 +217,9 @@ def _posture(objective: Objective) -> Posture | None:
 
 def _objective_row(robot: Robot, level: _Level) -> np.ndarray:
     """A level's row (2 + 2 n,) of `kernels.control.level_models`."""
-    row = np.zeros(REFERENCE + 2 * robot.n)
-    row[OBJECTIVE_GAIN] = level.gain
+    row = np.zeros(Level.REFERENCE + 2 * robot.n)
+    row[Level.GAIN] = level.gain
     if level.posture is not None:
-        row[WEIGHT] = level.weight
-        row[REFERENCE:] = np.concatenate([level.posture.q_ref, level.posture.weights])
+        row[Level.WEIGHT] = level.weight
+        row[Level.REFERENCE :] = np.concatenate([level.posture.q_ref, level.posture.weights])
     return row

@@ -8,33 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.kernels.control.task_jacobians import (
-    ABSENT,
-    AXES,
-    AXIS,
-    AXIS_ALONG,
-    AXIS_AT,
-    BASE_AXES,
-    COEFFICIENTS,
-    COUPLING,
-    GAIN,
-    JOINTS,
-    KIND,
-    LEVEL,
-    OWN,
-    PLACE,
-    PLACEMENTS,
-    POSE,
-    RELATIVE,
-    SOURCE,
-    STILL,
-    SWIVEL,
-    TARGET,
-    TARGET_AXES,
-    TASK_DAMPING,
-    VALUE,
-    WEIGHTS,
-)
+from maira_qp.kernels.layout import Axes, Kind, Place, TaskRow
 from maira_qp.problem.targets import row_of
 from maira_qp.problem.tasks.axis import AxisTask, LookAtTask, rotation_between
 from maira_qp.problem.tasks.frame import FrameTask, OrientationTask, PoseTask, PositionTask, TargetTask
@@ -45,15 +19,15 @@ from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.model.arrays import KinematicTree
 
 KINDS: dict[type[Task], int] = {
-    PoseTask: POSE,
-    PositionTask: POSE,
-    OrientationTask: POSE,
-    AxisTask: AXIS_ALONG,
-    LookAtTask: AXIS_AT,
-    RelativePoseTask: RELATIVE,
-    SwivelTask: SWIVEL,
-    JointCouplingTask: COUPLING,
-    DampingTask: STILL,
+    PoseTask: Kind.POSE,
+    PositionTask: Kind.POSE,
+    OrientationTask: Kind.POSE,
+    AxisTask: Kind.AXIS_ALONG,
+    LookAtTask: Kind.AXIS_AT,
+    RelativePoseTask: Kind.RELATIVE,
+    SwivelTask: Kind.SWIVEL,
+    JointCouplingTask: Kind.COUPLING,
+    DampingTask: Kind.STILL,
 }
 """By the very type: a class that is derived from one of them may be another task."""
 
@@ -70,28 +44,29 @@ def task_arrays(
 
     `frames` are those whose targets come with the call.
     """
-    row, place = np.zeros(COEFFICIENTS + tree.n), np.full(PLACE, ABSENT)
-    row[WEIGHTS : WEIGHTS + 6] = _six_weights(task)
-    row[GAIN], row[TASK_DAMPING] = task.gain, task.damping
-    place[KIND], place[LEVEL], place[SOURCE], place[AXES] = KINDS[type(task)], level, OWN, BASE_AXES
+    row, place = np.zeros(TaskRow.COEFFICIENTS + tree.n), np.full(Place.WIDTH, Place.ABSENT)
+    row[TaskRow.WEIGHTS : TaskRow.WEIGHTS + 6] = _six_weights(task)
+    row[TaskRow.GAIN], row[TaskRow.DAMPING] = task.gain, task.damping
+    place[Place.KIND], place[Place.LEVEL], place[Place.SOURCE] = KINDS[type(task)], level, Place.OWN
+    place[Place.AXES] = Axes.BASE
     for k, frame in enumerate(_frames(task)):
-        start = PLACEMENTS + 12 * k
-        place[JOINTS + k], row[start : start + 12] = tree.frame(frame)
+        start = TaskRow.PLACEMENTS + 12 * k
+        place[Place.JOINTS + k], row[start : start + 12] = tree.frame(frame)
     if task.target_frame is not None:
-        place[SOURCE] = frames.index(task.target_frame)
+        place[Place.SOURCE] = frames.index(task.target_frame)
     elif isinstance(task, TargetTask):
-        row[TARGET : TARGET + 12] = row_of(_own_target(task))
+        row[TaskRow.TARGET : TaskRow.TARGET + 12] = row_of(_own_target(task))
     if isinstance(task, FrameTask) and task.axes == "target" and not task.is_even:
-        place[AXES] = TARGET_AXES
+        place[Place.AXES] = Axes.TARGET
     if isinstance(task, (AxisTask, LookAtTask)):
-        row[AXIS : AXIS + 3] = task.axis
+        row[TaskRow.AXIS : TaskRow.AXIS + 3] = task.axis
     if isinstance(task, SwivelTask):
-        row[AXIS : AXIS + 3], row[VALUE] = task.reference, math.remainder(task.angle, math.tau)
+        row[TaskRow.AXIS : TaskRow.AXIS + 3], row[TaskRow.VALUE] = task.reference, math.remainder(task.angle, math.tau)
     if isinstance(task, JointCouplingTask):
-        row[COEFFICIENTS:], row[VALUE] = task.row, task.value
+        row[TaskRow.COEFFICIENTS :], row[TaskRow.VALUE] = task.row, task.value
     if isinstance(task, DampingTask):
-        row[COEFFICIENTS:] = task.weight
-    count = int((row[WEIGHTS : WEIGHTS + 6] > 0).sum()) if place[KIND] != STILL else tree.n
+        row[TaskRow.COEFFICIENTS :] = task.weight
+    count = int((row[TaskRow.WEIGHTS : TaskRow.WEIGHTS + 6] > 0).sum()) if place[Place.KIND] != Kind.STILL else tree.n
     return row, place, count
 
 

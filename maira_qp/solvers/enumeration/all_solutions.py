@@ -30,7 +30,7 @@ from maira_qp.analytic.srs.arcs import Arc
 from maira_qp.analytic.srs.geometry import SRS
 from maira_qp.analytic.srs.optimum import best, best_of_each_arc
 from maira_qp.errors import OptionError
-from maira_qp.kernels.search.multi_start import ORIENTATION_ERROR, POSITION_ERROR
+from maira_qp.kernels.layout import Outcome
 from maira_qp.problem.objectives import Objective, Posture
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.costs import TaskCost
@@ -232,7 +232,7 @@ class Enumeration:
 
     def _descended(self, engine: ProblemArrays, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where descents from starts (N, n) end, (N, n), and whether they reach the pose (N,): then exactly, if any."""
-        errors = [POSITION_ERROR, ORIENTATION_ERROR]
+        errors = [Outcome.POSITION_ERROR, Outcome.ORIENTATION_ERROR]
         q, outcome = descend(engine, self._row, starts)
         reached = self._is_reached(outcome[:, errors])
         q[reached], outcome[reached] = descend(engine.exact(), self._row, q[reached])

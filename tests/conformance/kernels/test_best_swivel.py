@@ -8,23 +8,21 @@ from support.srs_arms import ARMS, Arm, anywhere, hard_configurations, memory, p
 import maira_qp as mq
 from maira_qp.analytic.srs.geometry import wrapped
 from maira_qp.kernels.jit.simd import LANES
-from maira_qp.kernels.search.levenberg_marquardt import SETTINGS
-from maira_qp.kernels.search.multi_start import OUTCOME, SUCCESS
-from maira_qp.kernels.srs.posture_seed import ROUNDS, ROWS, half_square, reach_near_posture
-from maira_qp.kernels.srs.spherical_joint import COS_HALF, FIRST, RANGES
+from maira_qp.kernels.layout import Axis, Outcome, Range, SeedLanes, Setting, Spherical
+from maira_qp.kernels.srs.posture_seed import ROUNDS, half_square, reach_near_posture
 
 ANGLES = 2 * np.pi * np.arange(LANES * ROUNDS) / (LANES * ROUNDS)
 
 
 def begun(arm: Arm, poses: np.ndarray, reference: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Configurations (N, 7) for poses (N, 4, 4), and which were found (N,)."""
-    q, outcome = np.full((len(poses), 7), np.nan), np.full((len(poses), OUTCOME), np.nan)
-    settings = np.array([1.0, 1.0, 1e-6, 1e-6, *np.zeros(SETTINGS - 4)])
-    lanes, kinematics = np.full((ROWS, LANES), np.nan), np.full((20, 3), np.nan)
+    q, outcome = np.full((len(poses), 7), np.nan), np.full((len(poses), Outcome.WIDTH), np.nan)
+    settings = np.array([1.0, 1.0, 1e-6, 1e-6, *np.zeros(Setting.WIDTH - 4)])
+    lanes, kinematics = np.full((SeedLanes.WIDTH, LANES), np.nan), np.full((20, 3), np.nan)
     rows, chain = np.array([row_of(T) for T in poses]), arm.robot.chain
     problem = chain, settings, arm.array, rows, reference, weights
     reach_near_posture(*problem, *memory(), lanes, kinematics, q, outcome)
-    return q, outcome[:, SUCCESS] > 0
+    return q, outcome[:, Outcome.SUCCESS] > 0
 
 
 def cost(q: np.ndarray, reference: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -79,11 +77,12 @@ def test_it_is_about_the_best_of_its_candidates(rng, name):
 def test_squares_of_angles_without_the_angle(rng):
     """Near the posture exact, farther on roughly; beyond half a turn more than anywhere within; none outside limits."""
     reference = rng.uniform(-2.5, 2.5, few(2000))
-    joint, posture, angles = np.zeros(RANGES + 12), np.empty((3, 3)), rng.uniform(-np.pi, np.pi, len(reference))
+    joint, posture = np.zeros(Spherical.RANGES + 12), np.empty((3, 3))
+    angles = rng.uniform(-np.pi, np.pi, len(reference))
     for a, b in zip(reference, angles, strict=True):
-        posture[FIRST] = np.cos(a), np.sin(a), 0.5
-        joint[RANGES + COS_HALF] = np.cos(3.0)
-        found, exact = half_square(joint, posture, FIRST, np.cos(b), np.sin(b)), 0.5 * (a - b) ** 2
+        posture[Axis.FIRST] = np.cos(a), np.sin(a), 0.5
+        joint[Spherical.RANGES + Range.COS_HALF] = np.cos(3.0)
+        found, exact = half_square(joint, posture, Axis.FIRST, np.cos(b), np.sin(b)), 0.5 * (a - b) ** 2
         if abs(b) > 3.0:
             assert found == np.inf
         elif abs(a - b) > np.pi:

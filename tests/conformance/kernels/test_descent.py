@@ -21,14 +21,9 @@ from support.made_robots import random_chain
 
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES, load, select, store
-from maira_qp.kernels.kinematics.serial_chain import LOWER, UPPER, jacobian
+from maira_qp.kernels.kinematics.serial_chain import jacobian
+from maira_qp.kernels.layout import Descent, Joint
 from maira_qp.kernels.search.levenberg_marquardt import (
-    COST,
-    ENDED,
-    ITERATIONS,
-    ORIENTATION,
-    POSITION,
-    REACHED,
     Lanes,
     advance,
     begin,
@@ -46,7 +41,7 @@ from maira_qp.solvers.reference.multi_start import stationarity
 
 helpers_compile_once = pytest.mark.xdist_group("helpers of the descent")
 
-TOLD = [COST, ITERATIONS, POSITION, ORIENTATION, ENDED, REACHED]
+TOLD = [Descent.COST, Descent.ITERATIONS, Descent.POSITION, Descent.ORIENTATION, Descent.ENDED, Descent.REACHED]
 """What a descent tells of itself when it has ended."""
 
 
@@ -59,7 +54,7 @@ def descend_eight(problem: Compiled, starts: np.ndarray, rows: np.ndarray, lanes
     for lane in range(LANES):
         begin(lanes.state, lanes.q, lanes.target, lane, starts[lane], rows[lane])
     while True:
-        done = lanes.state[ENDED] > 0
+        done = lanes.state[Descent.ENDED] > 0
         if done.all():
             return lanes
         state, q = lanes.state.copy(), lanes.q.copy()
@@ -164,12 +159,12 @@ def assert_the_steps_of_the_general_engine(robot: mq.Robot, task, rng, blocks: i
             )
             state, q = lanes.state[:, lane], lanes.q[:, lane]
             assert np.abs(q - end.at.q).max() < 1e-6
-            assert (state[REACHED] > 0) == end.reached
-            assert state[ITERATIONS] == budget.iterations or stationarity(cost, end.at, setting) < 1e-5
+            assert (state[Descent.REACHED] > 0) == end.reached
+            assert state[Descent.ITERATIONS] == budget.iterations or stationarity(cost, end.at, setting) < 1e-5
             assert (q >= robot.lower).all()
             assert (q <= robot.upper).all()
             error = cost.tasks[0].residual(robot.at(q))
-            told, weighs = np.sqrt(state[[POSITION, ORIENTATION]]), problem.settings[:2] > 0
+            told, weighs = np.sqrt(state[[Descent.POSITION, Descent.ORIENTATION]]), problem.settings[:2] > 0
             rounding = 1e-14 * max(1, robot.length) * robot.n
             np.testing.assert_allclose(told[weighs], np.array(error)[weighs], rtol=1e-6, atol=rounding)
 
@@ -203,7 +198,7 @@ def test_a_descent_that_is_pushed_onto_its_limits_never_leaves_them_by_a_bit(rng
     for _ in range(few(200)):
         chain, size = problem.chain.copy(), 10.0 ** rng.integers(-2, 2)
         lower, upper = np.sort(size * rng.normal(size=2))
-        chain[0, [LOWER, UPPER]] = lower, upper
+        chain[0, [Joint.LOWER, Joint.UPPER]] = lower, upper
         starts = rng.uniform(lower, upper, (LANES, 1))
         starts[0], starts[1] = lower, upper
         beyond = np.where(rng.random(LANES) < 0.5, lower - 3 * size, upper + 3 * size)
@@ -213,8 +208,8 @@ def test_a_descent_that_is_pushed_onto_its_limits_never_leaves_them_by_a_bit(rng
         assert (lanes.q[0] >= lower).all()
         assert (lanes.q[0] <= upper).all()
         assert np.abs(lanes.q[0] - limit).max() < 1e-15 * max(abs(lower), abs(upper))
-        assert (lanes.state[REACHED] == 0.0).all()
-        assert (lanes.state[ITERATIONS][starts[:, 0] == limit] == 1.0).all()
+        assert (lanes.state[Descent.REACHED] == 0.0).all()
+        assert (lanes.state[Descent.ITERATIONS][starts[:, 0] == limit] == 1.0).all()
 
 
 @pytest.mark.parametrize("name", ["maira", "ur5_limited", "tiago"])
@@ -245,7 +240,7 @@ def test_a_lane_begun_among_others_under_way_does_what_it_would_do_with_them(rng
     expected = np.concatenate([np.vstack([lanes.q, lanes.state[TOLD]]) for lanes in together], axis=1)
     lanes, serves, following, seen = descents(robot.n), np.full(LANES, -1), 0, 0
     while seen < count:
-        for lane in np.flatnonzero(lanes.state[ENDED] > 0):
+        for lane in np.flatnonzero(lanes.state[Descent.ENDED] > 0):
             k = serves[lane]
             if k >= 0:
                 np.testing.assert_array_equal(np.r_[lanes.q[:, lane], lanes.state[TOLD, lane]], expected[:, k])
@@ -261,8 +256,8 @@ def test_a_descent_that_begins_at_its_target_has_arrived_before_it_moves(rng):
     robot = arm("maira")
     problem, q = compiled(robot), configurations(robot, rng, LANES)
     lanes = descend_eight(problem, q, np.array([row_of(robot.forward(each)) for each in q]))
-    assert (lanes.state[REACHED] == 1.0).all()
-    assert (lanes.state[ITERATIONS] == 0.0).all()
+    assert (lanes.state[Descent.REACHED] == 1.0).all()
+    assert (lanes.state[Descent.ITERATIONS] == 0.0).all()
     assert np.array_equal(lanes.q.T, q)
 
 
@@ -270,8 +265,8 @@ def test_a_descent_toward_nan_ends_at_once_where_it_began(rng):
     robot = arm("maira")
     starts, rows = configurations(robot, rng, LANES), np.full((LANES, 12), np.nan)
     lanes = descend_eight(compiled(robot), starts, rows)
-    assert (lanes.state[REACHED] == 0.0).all()
-    assert (lanes.state[ITERATIONS] == 0.0).all()
+    assert (lanes.state[Descent.REACHED] == 0.0).all()
+    assert (lanes.state[Descent.ITERATIONS] == 0.0).all()
     assert np.array_equal(lanes.q.T, starts)
 
 
@@ -322,4 +317,6 @@ def test_lanes_are_made_without_overlap_on_lines_of_the_cache_wherever_the_memor
         begin = address + 8 * length
     assert begin <= end
     assert np.count_nonzero(memory == 1.0) == LANES
-    assert (memory[(places[0][0] - memory.ctypes.data) // 8 :][ENDED * LANES : (ENDED + 1) * LANES] == 1.0).all()
+    assert (
+        memory[(places[0][0] - memory.ctypes.data) // 8 :][Descent.ENDED * LANES : (Descent.ENDED + 1) * LANES] == 1.0
+    ).all()

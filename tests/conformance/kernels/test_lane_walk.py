@@ -10,17 +10,15 @@ from support.redundancy_problems import STATIONARY, Problem, reached_starts
 
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES
+from maira_qp.kernels.layout import Refinement
 from maira_qp.kernels.refinement.stabilized_sqp_simd import (
     FIRST_DAMPING,
-    ITERATIONS,
     LEAST_DAMPING,
     LESS_DAMPING,
     MORE_DAMPING,
     MOST_CHANGE,
     MOST_STEPS,
-    OUTCOME,
     PENALTY,
-    PROJECTED_GRADIENT,
     SMALL_WEIGHT,
     make_walks,
     walk_in_lanes,
@@ -31,11 +29,11 @@ from maira_qp.solvers.reference.null_space_sqp import FIRST_RADIUS, LEAST_RADIUS
 
 def walks(problem: Problem, rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """q (N, n) and steps (N,) of the kernel."""
-    arrays, q, outcome = problem.arrays, starts.copy(), np.full((len(rows), OUTCOME), np.nan)
+    arrays, q, outcome = problem.arrays, starts.copy(), np.full((len(rows), Refinement.WIDTH), np.nan)
     own = (problem.reference, problem.weights, arrays.settling)
     work = make_walks(starts.shape[1]), np.empty(LANES, np.int64)
     walk_in_lanes(arrays.chain, arrays.settings, rows, *own, *work, q, outcome)
-    return q, outcome[:, ITERATIONS]
+    return q, outcome[:, Refinement.ITERATIONS]
 
 
 class PlainWalk:
@@ -153,7 +151,7 @@ def test_what_a_walk_tells_bounds_what_is_left_of_the_gradient(name, rng):
     problem, some = Problem(arm(name), Strict(mq.Posture()), stationarity_tolerance=0.1), 0
     rows, starts = reached_starts(problem.robot, rng, few(60))
     q, outcome = problem.settle_all(rows, starts)
-    for row, end, bound in zip(rows, q, outcome[:, PROJECTED_GRADIENT], strict=True):
+    for row, end, bound in zip(rows, q, outcome[:, Refinement.PROJECTED_GRADIENT], strict=True):
         left = problem.left(row, end)
         assert left <= 1.001 * bound + 1e-13
         some += left > 1e-12

@@ -22,18 +22,13 @@ from support.redundancy_problems import STATIONARY, Problem, reached_starts, set
 
 import maira_qp as mq
 from maira_qp.kernels.kinematics.serial_chain import jacobian
-from maira_qp.kernels.refinement.stabilized_sqp_simd import (
-    ITERATIONS,
-    OBJECTIVE,
-    OUTCOME,
-    PROJECTED_GRADIENT,
-    REACHED,
-)
+from maira_qp.kernels.layout import Refinement
 from maira_qp.kernels.search.levenberg_marquardt import pose_cost
 from maira_qp.kernels.spatial.pose_hessian import add_curvature, newton_model
 from maira_qp.problem.qp.costs import ExactTaskCost, TaskCost
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.robots.dh.table import DHLink, DHTable
+from maira_qp.solvers.compiled.multi_start import descend
 
 
 def compare(problem: Problem, rows: np.ndarray, starts: np.ndarray, within: float = 1e-5) -> tuple[int, int, int]:
@@ -49,8 +44,8 @@ def compare(problem: Problem, rows: np.ndarray, starts: np.ndarray, within: floa
         general = problem.settle_generally(row, start)
         same += bool(np.abs(q - general.at.q).max() < within)
         optimal += general.projected_gradient <= STATIONARY
-        found += outcome[PROJECTED_GRADIENT] <= STATIONARY
-        exact = problem.arrays.exact().descend(row, start[None])[0][0]
+        found += outcome[Refinement.PROJECTED_GRADIENT] <= STATIONARY
+        exact = descend(problem.arrays.exact(), row, start[None])[0][0]
         assert problem.total(row, q) <= max(problem.total(row, start), problem.total(row, exact)) + 1e-2
         regained += problem.cost(row).value(problem.robot.at(q)) <= 1e-22
     assert problem.weight or regained >= 0.9 * len(rows)
@@ -102,9 +97,9 @@ def test_nearly_every_pose_ends_at_an_optimum(name, rng):
     rows, starts = reached_starts(robot, rng, count)
     problem = Problem(robot, Strict(mq.Posture()))
     q, outcome = problem.settle_all(rows, starts)
-    optimal = outcome[:, PROJECTED_GRADIENT] <= STATIONARY
+    optimal = outcome[:, Refinement.PROJECTED_GRADIENT] <= STATIONARY
     assert len(rows) >= 0.99 * count
-    assert outcome[:, REACHED].all()
+    assert outcome[:, Refinement.REACHED].all()
     assert (~optimal).sum() <= max(1, 0.002 * count)  # one of the few that plain Python tries
     for k in np.flatnonzero(optimal)[:: max(1, len(rows) // 20)]:
         problem.assert_told_as_it_is(rows[k], q[k], outcome[k])
@@ -119,8 +114,8 @@ def test_a_batch_is_its_targets_one_by_one_to_the_bit(redundancy, rng):
     problem = Problem(robot, redundancy)
     q, outcome = problem.settle_all(rows, starts)
     assert np.array_equal(q[[1, 2, 4]], starts[[1, 2, 4]], equal_nan=True)
-    assert outcome[[1, 2, 4], REACHED].tolist() == [0, 0, 0]
-    assert (outcome[[1, 2, 4], PROJECTED_GRADIENT] == np.inf).all()
+    assert outcome[[1, 2, 4], Refinement.REACHED].tolist() == [0, 0, 0]
+    assert (outcome[[1, 2, 4], Refinement.PROJECTED_GRADIENT] == np.inf).all()
     for k in rng.permutation(len(rows)):
         if k not in (1, 2, 4):
             alone = problem.settle(rows[k], starts[k])
@@ -139,13 +134,13 @@ def test_numbers_that_are_none_come_to_an_end(maira, rng):
             (np.zeros(7), np.full(7, bad), 1e-3),
             (np.zeros(7), np.ones(7), bad),
         ):
-            q, outcomes = starts.copy(), np.full((1, OUTCOME), np.nan)
+            q, outcomes = starts.copy(), np.full((1, Refinement.WIDTH), np.nan)
             settle_by_weight(arrays, rows, reference, weights, weight, q, outcomes)
             outcome = outcomes[0]
             assert (q >= maira.lower).all()
             assert (q <= maira.upper).all()
-            assert outcome[REACHED] or weight
-            assert not outcome[PROJECTED_GRADIENT] <= STATIONARY
+            assert outcome[Refinement.REACHED] or weight
+            assert not outcome[Refinement.PROJECTED_GRADIENT] <= STATIONARY
 
 
 def test_a_posture_that_reaches_the_target_is_found_from_nearby(maira, rng):
@@ -158,7 +153,7 @@ def test_a_posture_that_reaches_the_target_is_found_from_nearby(maira, rng):
         assert outcome[0, 0] > 0
         q, outcome = problem.settle(row, start[0])
         assert np.abs(q - q_ref).max() < 1e-5
-        assert outcome[PROJECTED_GRADIENT] <= STATIONARY
+        assert outcome[Refinement.PROJECTED_GRADIENT] <= STATIONARY
 
 
 @nine_robots
@@ -174,7 +169,7 @@ def test_the_gradient_that_is_told_is_the_general_engines_anywhere(name, task, r
         settled, outcome = problem.settle(row, q)
         assert np.abs(settled - q).max() < 1e-9
         problem.assert_told_as_it_is(row, settled, outcome)
-        tried += outcome[PROJECTED_GRADIENT] > STATIONARY
+        tried += outcome[Refinement.PROJECTED_GRADIENT] > STATIONARY
     assert tried > 0 or robot.n <= 6
 
 
@@ -195,7 +190,7 @@ def test_long_arms_settle_with_many_joints_on_their_limits(joints, limit, rng):
         problem = Problem(robot, Strict(mq.Posture(2.0 * limit * rng.uniform(-1, 1, joints))), task)
         rows, starts = reached_starts(robot, rng, few(20), task)
         q, outcome = problem.settle_all(rows, starts)
-        optimal = outcome[:, PROJECTED_GRADIENT] <= STATIONARY
+        optimal = outcome[:, Refinement.PROJECTED_GRADIENT] <= STATIONARY
         for k in range(0, len(rows), 4):
             problem.assert_told_as_it_is(rows[k], q[k], outcome[k])
         assert optimal.mean() >= 0.9
@@ -232,7 +227,7 @@ def test_locked_joints_stay_where_they_are(joints, task, maira, rng):
         settled, outcome = problem.settle(row, q)
         assert np.array_equal(settled[joints], q[joints])
         problem.assert_told_as_it_is(row, settled, outcome)
-        assert outcome[PROJECTED_GRADIENT] <= STATIONARY
+        assert outcome[Refinement.PROJECTED_GRADIENT] <= STATIONARY
 
 
 @pytest.mark.parametrize("stratum", ["one joint on its limit", "all joints on limits", "stretched elbow", "zero"])
@@ -254,9 +249,9 @@ def test_hostile_starts_are_settled_or_told(name, stratum, rng):
             q = robot.clip(np.zeros(robot.n))
         row = row_of(robot.forward(q))
         settled, outcome = problem.settle(row, q)
-        assert outcome[REACHED]
+        assert outcome[Refinement.REACHED]
         problem.assert_told_as_it_is(row, settled, outcome)
-        optimal += outcome[PROJECTED_GRADIENT] <= STATIONARY
+        optimal += outcome[Refinement.PROJECTED_GRADIENT] <= STATIONARY
         general += problem.settle_generally(row, q).projected_gradient <= STATIONARY
     assert optimal >= general - 1
 
@@ -269,11 +264,11 @@ def test_weights_may_be_zero(rng):
     for row, start in zip(rows, starts, strict=True):
         q, outcome = problem.settle(row, start)
         problem.assert_told_as_it_is(row, q, outcome)
-        assert outcome[PROJECTED_GRADIENT] <= STATIONARY
+        assert outcome[Refinement.PROJECTED_GRADIENT] <= STATIONARY
     nothing = Problem(robot, Strict(mq.Posture(weights=0.0)))
     q, outcome = nothing.settle(rows[0], starts[0])
     assert np.abs(q - starts[0]).max() < 1e-4  # no more than from the tolerance onto the pose
-    assert outcome[PROJECTED_GRADIENT] == outcome[OBJECTIVE] == 0.0
+    assert outcome[Refinement.PROJECTED_GRADIENT] == outcome[Refinement.OBJECTIVE] == 0.0
 
 
 def test_a_walk_within_its_limits_converges_although_the_whole_space_is_not_convex(rng):
@@ -282,8 +277,8 @@ def test_a_walk_within_its_limits_converges_although_the_whole_space_is_not_conv
     problem = Problem(robot, Strict(mq.Posture()), task)
     rows, starts = reached_starts(robot, rng, few(2000), task)
     _, outcome = problem.settle_all(rows, starts)
-    assert (outcome[:, PROJECTED_GRADIENT] <= STATIONARY).mean() > 0.999 - 1 / len(rows)
-    assert outcome[:, ITERATIONS].mean() < 35
+    assert (outcome[:, Refinement.PROJECTED_GRADIENT] <= STATIONARY).mean() > 0.999 - 1 / len(rows)
+    assert outcome[:, Refinement.ITERATIONS].mean() < 35
 
 
 def test_the_budget_of_steps_is_kept(maira, rng):
@@ -294,8 +289,8 @@ def test_the_budget_of_steps_is_kept(maira, rng):
         for row, start in zip(rows, starts, strict=True):
             q, outcome = scarce.settle(row, start)
             scarce.assert_told_as_it_is(row, q, outcome)
-            assert outcome[REACHED]
-            assert outcome[ITERATIONS] <= 1 + 13 * (steps + 1)
+            assert outcome[Refinement.REACHED]
+            assert outcome[Refinement.ITERATIONS] <= 1 + 13 * (steps + 1)
             assert scarce.total(row, q) >= ample.total(row, ample.settle(row, start)[0]) - 1e-6
 
 

@@ -20,22 +20,9 @@ from support.seeds import features_of, nearest_of, poses_of, start_of
 
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES
-from maira_qp.kernels.kinematics.serial_chain import START_LOWER, START_UPPER
 from maira_qp.kernels.kinematics.unwrap import unwind
-from maira_qp.kernels.search.levenberg_marquardt import MAX_ITERATIONS
-from maira_qp.kernels.search.multi_start import (
-    ATTEMPT,
-    FARTHEST_START,
-    FINAL_COST,
-    MOVED,
-    ORIENTATION_ERROR,
-    POSITION_ERROR,
-    SPENT,
-    SUCCESS,
-    TOO_FAR,
-    admit,
-    memory_sizes,
-)
+from maira_qp.kernels.layout import Joint, Outcome, Setting
+from maira_qp.kernels.search.multi_start import FARTHEST_START, TOO_FAR, admit, memory_sizes
 from maira_qp.kernels.search.random_numbers import state_of, stream_of
 from maira_qp.kernels.search.seeds import CORNER
 from maira_qp.kernels.spatial.pose_validation import FINE, NOT_FINITE, NOT_RIGID, pose_row
@@ -66,11 +53,11 @@ def attempts_of(problem: Compiled, row: np.ndarray, count: int, stream: int = 0,
 
 def best_of(q: np.ndarray, outcomes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What a search should say, by its attempts one by one: the first that arrives, else the best of all."""
-    arrived = np.flatnonzero(outcomes[:, SUCCESS] > 0)
+    arrived = np.flatnonzero(outcomes[:, Outcome.SUCCESS] > 0)
     last = arrived[0] if len(arrived) else len(q) - 1
-    best = arrived[0] if len(arrived) else outcomes[:, FINAL_COST].argmin()
+    best = arrived[0] if len(arrived) else outcomes[:, Outcome.FINAL_COST].argmin()
     expected = outcomes[best].copy()
-    expected[ATTEMPT], expected[SPENT] = last, outcomes[: last + 1, SPENT].sum()
+    expected[Outcome.ATTEMPT], expected[Outcome.SPENT] = last, outcomes[: last + 1, Outcome.SPENT].sum()
     return q[best], expected
 
 
@@ -88,7 +75,7 @@ def test_a_search_is_its_attempts_in_order_until_one_arrives(name, with_start, r
         expected_q, expected = best_of(*attempts_of(problem, row, count, stream, starts))
         np.testing.assert_array_equal(q[0], expected_q)
         np.testing.assert_array_equal(outcome[0], expected)
-        counted.append(int(outcome[0, ATTEMPT]) if outcome[0, SUCCESS] else -1)
+        counted.append(int(outcome[0, Outcome.ATTEMPT]) if outcome[0, Outcome.SUCCESS] else -1)
     assert -1 in counted
     assert len(set(counted)) >= min(5, len(counted))
 
@@ -103,15 +90,19 @@ def test_a_search_cut_into_calls_is_the_same_search(rng):
         spent, best = 0.0, None
         for first, after in pairwise(cuts):
             q, outcome = search_for(problem, row[None], first=int(first), last=int(after) - 1)
-            spent += outcome[0, SPENT]
-            if best is None or outcome[0, SUCCESS] or outcome[0, FINAL_COST] < best[1][FINAL_COST]:
+            spent += outcome[0, Outcome.SPENT]
+            if (
+                best is None
+                or outcome[0, Outcome.SUCCESS]
+                or outcome[0, Outcome.FINAL_COST] < best[1][Outcome.FINAL_COST]
+            ):
                 best = q[0], outcome[0]
-            if outcome[0, SUCCESS]:
+            if outcome[0, Outcome.SUCCESS]:
                 break
         np.testing.assert_array_equal(best[0], whole_q[0])
-        assert spent == whole[0, SPENT]
-        assert outcome[0, ATTEMPT] == whole[0, ATTEMPT]
-        told = [SUCCESS, FINAL_COST, POSITION_ERROR, ORIENTATION_ERROR]
+        assert spent == whole[0, Outcome.SPENT]
+        assert outcome[0, Outcome.ATTEMPT] == whole[0, Outcome.ATTEMPT]
+        told = [Outcome.SUCCESS, Outcome.FINAL_COST, Outcome.POSITION_ERROR, Outcome.ORIENTATION_ERROR]
         np.testing.assert_array_equal(best[1][told], whole[0, told])
 
 
@@ -149,19 +140,19 @@ def test_an_earlier_attempt_that_arrives_goes_before_a_later_one_that_arrives_so
         problem = compiled(robot, max_restarts=3)
         problem = replace(problem, library=library, features=features_of(problem, poses_of(problem, library)))
         (first_q, second_q), outcomes = attempts_of(problem, row, 2, starts=start[None])
-        assert outcomes[1, SUCCESS] == 1
-        assert outcomes[1, SPENT] == 0
+        assert outcomes[1, Outcome.SUCCESS] == 1
+        assert outcomes[1, Outcome.SPENT] == 0
         np.testing.assert_array_equal(second_q, solution)
         q, outcome = search_for(problem, row[None], start[None])
-        if outcomes[0, SUCCESS]:
+        if outcomes[0, Outcome.SUCCESS]:
             seen += 1
-            assert outcomes[0, SPENT] > 0
+            assert outcomes[0, Outcome.SPENT] > 0
             np.testing.assert_array_equal(q[0], first_q)
             np.testing.assert_array_equal(outcome[0], outcomes[0])
         else:
             np.testing.assert_array_equal(q[0], solution)
-            assert outcome[0, ATTEMPT] == 1
-            assert outcome[0, SPENT] == outcomes[0, SPENT]
+            assert outcome[0, Outcome.ATTEMPT] == 1
+            assert outcome[0, Outcome.SPENT] == outcomes[0, Outcome.SPENT]
     assert seen > 0
 
 
@@ -177,8 +168,8 @@ def test_a_target_that_is_not_finite_costs_only_itself(value, rng):
     fine = np.setdiff1d(np.arange(20), spoilt)
     np.testing.assert_array_equal(np.hstack([q, outcome])[fine], expected[fine])
     assert (q[spoilt] == 0.0).all()
-    assert (outcome[spoilt][:, [SUCCESS, ATTEMPT, SPENT]] == 0.0).all()
-    assert np.isnan(outcome[spoilt][:, [FINAL_COST, POSITION_ERROR, ORIENTATION_ERROR]]).all()
+    assert (outcome[spoilt][:, [Outcome.SUCCESS, Outcome.ATTEMPT, Outcome.SPENT]] == 0.0).all()
+    assert np.isnan(outcome[spoilt][:, [Outcome.FINAL_COST, Outcome.POSITION_ERROR, Outcome.ORIENTATION_ERROR]]).all()
 
 
 def test_where_zero_is_not_within_the_limits_a_target_with_nan_is_left_as_near_as_they_allow():
@@ -193,10 +184,10 @@ def test_a_target_too_far_to_measure_is_told_so_whatever_ran_before(rng):
     problem, rows = compiled(robot, max_restarts=9), reachable_rows(robot, rng, 3 * LANES)
     rows[::3, 9] = 1e200
     q, outcome = search_for(problem, rows)
-    assert (outcome[::3, FINAL_COST] == np.inf).all()
-    assert (outcome[::3, POSITION_ERROR] == np.inf).all()
-    assert (outcome[::3, SUCCESS] == 0.0).all()
-    assert (np.delete(outcome, np.s_[::3], axis=0)[:, SUCCESS] == 1.0).all()
+    assert (outcome[::3, Outcome.FINAL_COST] == np.inf).all()
+    assert (outcome[::3, Outcome.POSITION_ERROR] == np.inf).all()
+    assert (outcome[::3, Outcome.SUCCESS] == 0.0).all()
+    assert (np.delete(outcome, np.s_[::3], axis=0)[:, Outcome.SUCCESS] == 1.0).all()
     first, _ = search_for(problem, rows, last=0)
     np.testing.assert_array_equal(q[::3], first[::3])
     assert (q >= robot.lower).all()
@@ -216,26 +207,28 @@ def test_results_are_within_the_limits_to_the_bit_and_what_is_said_of_them_is_tr
     assert (q >= robot.lower).all()
     assert (q <= robot.upper).all()
     outside = (starts < robot.lower) | (starts > robot.upper)
-    np.testing.assert_array_equal(outcome[:, MOVED] > 0, outside.any(axis=1))
+    np.testing.assert_array_equal(outcome[:, Outcome.MOVED] > 0, outside.any(axis=1))
     for i, row in enumerate(rows):
         e = pose_error(robot.forward(q[i]), pose_of(row))
         position, orientation = np.linalg.norm(e[:3]), np.linalg.norm(e[3:])
-        assert outcome[i, POSITION_ERROR] == pytest.approx(position, rel=1e-6, abs=1e-13)
-        assert outcome[i, ORIENTATION_ERROR] == pytest.approx(orientation, rel=1e-6, abs=1e-13)
+        assert outcome[i, Outcome.POSITION_ERROR] == pytest.approx(position, rel=1e-6, abs=1e-13)
+        assert outcome[i, Outcome.ORIENTATION_ERROR] == pytest.approx(orientation, rel=1e-6, abs=1e-13)
         weighted = np.linalg.norm(problem.settings[[0, 0, 0, 1, 1, 1]] * e)
-        assert np.sqrt(2 * outcome[i, FINAL_COST]) == pytest.approx(weighted, rel=1e-6, abs=1e-12)
-        assert (outcome[i, SUCCESS] > 0) == (max(outcome[i, [POSITION_ERROR, ORIENTATION_ERROR]]) <= 1e-6)
-    assert outcome[: few(40), SUCCESS].mean() > 0.9
+        assert np.sqrt(2 * outcome[i, Outcome.FINAL_COST]) == pytest.approx(weighted, rel=1e-6, abs=1e-12)
+        assert (outcome[i, Outcome.SUCCESS] > 0) == (
+            max(outcome[i, [Outcome.POSITION_ERROR, Outcome.ORIENTATION_ERROR]]) <= 1e-6
+        )
+    assert outcome[: few(40), Outcome.SUCCESS].mean() > 0.9
 
 
 @pytest.mark.parametrize("task", [mq.PositionTask(), mq.OrientationTask()], ids=lambda task: type(task).__name__)
 def test_a_part_of_the_pose_that_is_not_asked_for_has_no_error(task, rng):
     robot = arm("panda")
     _, outcome = search_for(compiled(robot, task), reachable_rows(robot, rng, 20))
-    free, asked = POSITION_ERROR, ORIENTATION_ERROR
+    free, asked = Outcome.POSITION_ERROR, Outcome.ORIENTATION_ERROR
     if isinstance(task, mq.PositionTask):
         free, asked = asked, free
-    assert (outcome[:, SUCCESS] == 1.0).all()
+    assert (outcome[:, Outcome.SUCCESS] == 1.0).all()
     assert (outcome[:, free] == 0.0).all()
     assert (outcome[:, asked] <= 1e-6).all()
     assert (outcome[:, asked] > 0.0).any()
@@ -251,11 +244,11 @@ def test_any_number_of_targets_and_of_attempts_will_do(count, restarts, rng):
     q, outcome = search_for(problem, rows)
     assert q.shape == (count, 7)
     assert np.isfinite(q).all()
-    assert (outcome[:, ATTEMPT] <= restarts).all()
+    assert (outcome[:, Outcome.ATTEMPT] <= restarts).all()
     if count:
         assert outcome[-1].tolist()[:2] == [0.0, float(restarts)]
-        assert outcome[-1, SPENT] <= 30 * (restarts + 1)
-        assert (outcome[:-1, SUCCESS] == 1.0).all() or restarts < 12
+        assert outcome[-1, Outcome.SPENT] <= 30 * (restarts + 1)
+        assert (outcome[:-1, Outcome.SUCCESS] == 1.0).all() or restarts < 12
 
 
 def test_it_works_in_memory_that_holds_anything_and_writes_nowhere_else(rng):
@@ -278,7 +271,7 @@ def test_it_works_in_memory_that_holds_anything_and_writes_nowhere_else(rng):
 def starts_of(problem: Compiled, row, count: int, stream: int, starts=None, shuffled: bool = False) -> np.ndarray:
     """Where the attempts 0, 1, ... (count, n) begin: a search without iterations ends there."""
     settings = problem.settings.copy()
-    settings[MAX_ITERATIONS] = 0
+    settings[Setting.MAX_ITERATIONS] = 0
     still, streams = replace(problem, settings=settings), np.array([stream], dtype=np.uint64)
     return np.concatenate([search_for(still, row[None], starts, streams, shuffled, k, k)[0] for k in range(count)])
 
@@ -304,7 +297,9 @@ def test_attempts_begin_at_the_start_then_at_the_nearest_of_the_library_then_at_
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)
         if with_start:
             continue  # a corner may be turned off it
-        corners = (found[:, :, None] == problem.chain[:-1, [START_LOWER, START_UPPER]]).any(axis=2).all(axis=1)
+        corners = (
+            (found[:, :, None] == problem.chain[:-1, [Joint.START_LOWER, Joint.START_UPPER]]).any(axis=2).all(axis=1)
+        )
         assert corners[LANES:].sum() == sum(k % CORNER == 1 for k in range(LANES, count))
 
 

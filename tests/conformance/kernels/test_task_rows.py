@@ -11,9 +11,8 @@ from support.derivatives import assert_close, difference_gradient, difference_ja
 
 import maira_qp as mq
 from maira_qp.kernels.control.level_models import add_curvature, level_costs, level_model
-from maira_qp.kernels.control.step import FIRST, ROWS
 from maira_qp.kernels.control.step_workspace import make_work
-from maira_qp.kernels.control.task_jacobians import SOURCE, TARGET
+from maira_qp.kernels.layout import Place, Step, TaskRow
 from maira_qp.kernels.spatial.so3 import bend_of_logarithm, inverse_right_jacobian
 from maira_qp.problem.qp.costs import TaskCost
 from maira_qp.problem.tasks import frame
@@ -77,15 +76,15 @@ class Kernel:
     def __init__(self, robot: mq.Robot, task: Task) -> None:
         self.problem = mq.Solver(robot, task=task, redundancy=mq.Strict(mq.Posture())).engines.compiled_tick
         assert self.problem is not None
-        assert (self.problem.places[:, SOURCE] == -1).all()
+        assert (self.problem.places[:, Place.SOURCE] == -1).all()
 
     def __call__(self, q: np.ndarray, x: np.ndarray | None = None) -> Model:
         """The model at q, from work that holds rubbish."""
         p, n = self.problem, self.problem.n
-        shapes = (2,), (6,), (n,), (n,), (int(p.numbers[ROWS]), n), (n, n), (n, n)
+        shapes = (2,), (6,), (n,), (n,), (int(p.numbers[Step.ROWS]), n), (n, n), (n, n)
         out = Model(*(np.full(shape, np.nan) for shape in shapes))
         floats, integers = p.sizes
-        targets = np.ascontiguousarray(p.tasks[:, TARGET : TARGET + 12])
+        targets = np.ascontiguousarray(p.tasks[:, TaskRow.TARGET : TaskRow.TARGET + 12])
         work = np.full(floats, np.nan), np.full(integers, -(2**62))
         x = np.zeros(n) if x is None else x
         model_into(p.tree, p.parents, p.tasks, p.places, p.objectives, targets, q, x, *work, out)
@@ -217,4 +216,4 @@ def test_what_is_reported_is_of_the_first_priority_alone(panda):
     tasks = [mq.PositionTask(equality=True), mq.OrientationTask(), mq.LookAtTask(point=[1, 0, 1], priority=2)]
     problem = mq.Solver(panda, task=tasks).engines.compiled_tick
     assert problem is not None
-    assert problem.numbers[FIRST] == 2
+    assert problem.numbers[Step.FIRST] == 2

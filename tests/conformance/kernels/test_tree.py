@@ -9,8 +9,8 @@ from support.robots import TREES
 
 import maira_qp as mq
 from maira_qp.kernels.control.displacement_bounds import bounds_of_position, bounds_of_tick, rest_of, share_to_stop
-from maira_qp.kernels.kinematics.kinematic_tree import ACCELERATION, VELOCITY, forward, path_jacobian, path_to, place
-from maira_qp.kernels.kinematics.serial_chain import LOWER, PRISMATIC, UPPER
+from maira_qp.kernels.kinematics.kinematic_tree import forward, path_jacobian, path_to, place
+from maira_qp.kernels.layout import Joint
 from maira_qp.problem.limits.joint import (
     AccelerationLimit,
     PositionLimit,
@@ -53,10 +53,10 @@ def test_kinematics_of_every_frame_are_pinocchios(name, rng):
 def test_a_tree_holds_the_limits(name):
     robot = arm(name).limited(acceleration=3.0)
     joints = robot.tree.joints
-    np.testing.assert_array_equal(joints[:, [LOWER, UPPER]].T, [robot.lower, robot.upper])
-    np.testing.assert_array_equal(joints[:, VELOCITY], robot.velocity_limit)
-    np.testing.assert_array_equal(joints[:, ACCELERATION], robot.acceleration_limit)
-    assert set(joints[:, PRISMATIC]) == {0.0, 1.0}.intersection(joints[:, PRISMATIC])
+    np.testing.assert_array_equal(joints[:, [Joint.LOWER, Joint.UPPER]].T, [robot.lower, robot.upper])
+    np.testing.assert_array_equal(joints[:, Joint.VELOCITY], robot.velocity_limit)
+    np.testing.assert_array_equal(joints[:, Joint.ACCELERATION], robot.acceleration_limit)
+    assert set(joints[:, Joint.PRISMATIC]) == {0.0, 1.0}.intersection(joints[:, Joint.PRISMATIC])
 
 
 @pytest.mark.parametrize("acceleration", [None, 2.0, {"torso_lift_joint": 0.5}])

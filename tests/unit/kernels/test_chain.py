@@ -10,16 +10,8 @@ from support.made_robots import random_chain
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES, load, store
 from maira_qp.kernels.jit.simd_trig import sine_cosine
-from maira_qp.kernels.kinematics.serial_chain import (
-    LOWER,
-    PRISMATIC,
-    START_LOWER,
-    START_UPPER,
-    UPPER,
-    forward,
-    jacobian,
-    jacobians,
-)
+from maira_qp.kernels.kinematics.serial_chain import forward, jacobian, jacobians
+from maira_qp.kernels.layout import Joint
 
 
 def assert_kinematics_of_pinocchio(robot: mq.Robot, rng, blocks: int) -> None:
@@ -70,12 +62,12 @@ def test_a_chain_holds_the_limits_and_what_starts_are_drawn_from(name):
     """A continuous joint has no limits, but one turn to draw from."""
     robot = arm(name)
     chain = robot.chain[: robot.n]
-    np.testing.assert_array_equal(chain[:, [LOWER, UPPER]], np.transpose([robot.lower, robot.upper]))
+    np.testing.assert_array_equal(chain[:, [Joint.LOWER, Joint.UPPER]], np.transpose([robot.lower, robot.upper]))
     drawn = [
         (-np.pi, np.pi) if np.isinf(high) else (low, high) for low, high in zip(robot.lower, robot.upper, strict=True)
     ]
-    np.testing.assert_array_equal(chain[:, [START_LOWER, START_UPPER]], drawn)
-    assert set(chain[:, PRISMATIC]) <= {0.0, 1.0}
+    np.testing.assert_array_equal(chain[:, [Joint.START_LOWER, Joint.START_UPPER]], drawn)
+    assert set(chain[:, Joint.PRISMATIC]) <= {0.0, 1.0}
 
 
 def test_the_pose_of_a_lane_depends_on_that_lane_alone(rng):

@@ -20,9 +20,10 @@ from support.srs_arms import (
 import maira_qp as mq
 from maira_qp.analytic.srs.arcs import arcs, from_seam, is_inside
 from maira_qp.analytic.srs.geometry import ElbowBranch, wrapped
-from maira_qp.kernels.srs.spherical_joint import FIRST, LAST, MIDDLE, angle, discriminant
-from maira_qp.kernels.srs.swivel import SHOULDER, approach, bend, branch_at, swing, values_at
-from maira_qp.kernels.srs.swivel_intervals import ARCS, CRITICAL, LOWER, UPPER, Work, block
+from maira_qp.kernels.layout import Arc, Axis, Part
+from maira_qp.kernels.srs.spherical_joint import angle, discriminant
+from maira_qp.kernels.srs.swivel import approach, bend, branch_at, swing, values_at
+from maira_qp.kernels.srs.swivel_intervals import ARCS, CRITICAL, Work, block
 
 
 def circles_of(arm: Arm, T: np.ndarray, elbow: ElbowBranch) -> np.ndarray:
@@ -41,14 +42,14 @@ def work_of_arcs() -> Work:
 
 def angles_at(arm: Arm, circles: np.ndarray, part: int, psi: float, tau: float) -> np.ndarray:
     """The joint angles (3,) of shoulder or wrist, in the order of the chain; NaN without a solution."""
-    joint = arm.array[SHOULDER + part]
+    joint = arm.array[Part.SHOULDER + part]
     z, p, r, p_last, r_last = values_at(circles, part, np.cos(psi), np.sin(psi))
-    square = discriminant(joint, FIRST, z, p, r)
-    assert discriminant(joint, LAST, z, p_last, r_last) == pytest.approx(square, abs=1e-14)
+    square = discriminant(joint, Axis.FIRST, z, p, r)
+    assert discriminant(joint, Axis.LAST, z, p_last, r_last) == pytest.approx(square, abs=1e-14)
     if square < 0:
         return np.full(3, np.nan)
-    q = [angle(joint, k, z, p, r, square, tau) for k in (FIRST, MIDDLE)]
-    q = np.array([*q, angle(joint, LAST, z, p_last, r_last, square, tau)])
+    q = [angle(joint, k, z, p, r, square, tau) for k in (Axis.FIRST, Axis.MIDDLE)]
+    q = np.array([*q, angle(joint, Axis.LAST, z, p_last, r_last, square, tau)])
     return q if part == 0 else q[::-1]
 
 
@@ -93,8 +94,10 @@ def test_what_is_blocked_without_a_margin_is_what_is_outside(rng, name):
                 lists = [
                     work.arcs[part, branch, : work.lengths[part, branch]] for part, branch in ((0, k // 2), (1, k % 2))
                 ]
-                ends = np.concatenate(lists)[:, : UPPER + 1]
-                on = (np.mod(psi[:, None] - ends[:, LOWER], 2 * np.pi) <= ends[:, UPPER] - ends[:, LOWER]).any(axis=1)
+                ends = np.concatenate(lists)[:, : Arc.UPPER + 1]
+                on = (
+                    np.mod(psi[:, None] - ends[:, Arc.LOWER], 2 * np.pi) <= ends[:, Arc.UPPER] - ends[:, Arc.LOWER]
+                ).any(axis=1)
                 np.testing.assert_array_equal(on, ~inside[:, k])
                 outside += int(on.sum())
     assert outside > 0 or name == "continuous"

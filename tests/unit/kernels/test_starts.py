@@ -7,9 +7,9 @@ from support.seeds import features_of, nearest_of, poses_of, splitmix, start_of
 
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES
-from maira_qp.kernels.kinematics.serial_chain import START_LOWER, START_UPPER
+from maira_qp.kernels.layout import Feature, Joint
 from maira_qp.kernels.search.random_numbers import state_of, stream_of
-from maira_qp.kernels.search.seeds import FEATURES, SQUARE, find_nearest, random_start
+from maira_qp.kernels.search.seeds import find_nearest, random_start
 from maira_qp.problem.qp.costs import TaskCost
 from maira_qp.problem.targets import pose_of
 from maira_qp.robots.model.revolutions import WholeTurns
@@ -66,21 +66,25 @@ def test_what_is_found_does_not_depend_on_what_stood_there(rng):
 def test_the_library_lies_within_the_limits_and_knows_its_poses(name):
     problem = compiled(arm(name))
     lower, upper = WholeTurns(problem.robot, problem.robot.middle).window
-    np.testing.assert_array_equal(problem.chain[:-1, [START_LOWER, START_UPPER]], np.column_stack([lower, upper]))
+    np.testing.assert_array_equal(
+        problem.chain[:-1, [Joint.START_LOWER, Joint.START_UPPER]], np.column_stack([lower, upper])
+    )
     corners = (problem.library[:, None] == np.stack([lower, upper])).any(axis=1).all(axis=1)
     assert 2 <= corners.sum() <= 128
     assert (problem.library[~corners] >= lower).all()
     assert (problem.library[~corners] <= upper).all()
     assert len(np.unique(problem.library, axis=0)) > 0.95 * len(problem.library)  # corners may be in it twice
     poses = poses_of(problem, problem.library)
-    np.testing.assert_array_equal(features_of(problem, poses)[:, :SQUARE], problem.features[:, :SQUARE])
+    np.testing.assert_array_equal(
+        features_of(problem, poses)[:, : Feature.SQUARE], problem.features[:, : Feature.SQUARE]
+    )
     poses[:, :9] *= problem.settings[1] * np.sqrt(0.5)
     poses[:, 9:] *= problem.settings[0]
     limited = upper - lower < 2 * np.pi - 1e-9
     off = np.square(problem.library - problem.robot.middle) @ limited
     off = np.minimum(off, off.mean())
     off *= MIDDLE_SHARE * np.square(poses - poses.mean(axis=0)).sum(axis=1).mean() / max(off.mean(), 1e-300)
-    expected = np.column_stack([poses, (poses**2).sum(axis=1) + off]).reshape(-1, LANES, FEATURES).swapaxes(1, 2)
+    expected = np.column_stack([poses, (poses**2).sum(axis=1) + off]).reshape(-1, LANES, Feature.WIDTH).swapaxes(1, 2)
     np.testing.assert_allclose(problem.features, expected, rtol=1e-11, atol=1e-12)
 
 
@@ -99,7 +103,7 @@ def test_starts_are_near_the_posture_that_is_wished_for(weights, panda, rng):
 def draws(problem: Compiled, state: int, count: int, at_corner: bool) -> np.ndarray:
     """The configurations (count, n) that a stream's numbers make: the slow twin of what `random_start` looks at."""
     q = np.empty((count, problem.robot.n))
-    lower, upper = problem.chain[:-1, START_LOWER], problem.chain[:-1, START_UPPER]
+    lower, upper = problem.chain[:-1, Joint.START_LOWER], problem.chain[:-1, Joint.START_UPPER]
     for k in range(count):
         for i in range(problem.robot.n):
             bits, state = splitmix(state)[0], (state + 0x9E3779B97F4A7C15) % 2**64
@@ -125,7 +129,7 @@ def test_a_random_start_is_the_best_of_its_draws(name, candidates, at_corner, rn
         assert cost.value(robot.at(found)) == pytest.approx(values.min(), rel=1e-12)
         assert np.abs(q - found).max(axis=1).min() < 1e-14
         if at_corner:
-            ends = problem.chain[:-1, [START_LOWER, START_UPPER]]
+            ends = problem.chain[:-1, [Joint.START_LOWER, Joint.START_UPPER]]
             assert (found[:, None] == ends).any(axis=1).all()
 
 
@@ -160,7 +164,7 @@ def test_starts_are_within_the_limits_to_the_bit_wherever_the_draws_fall(rng):
     for _ in range(few(400)):
         lower = rng.normal(size=7) * 10.0 ** rng.integers(-3, 3, 7)
         upper = lower + rng.integers(0, 4, 7) * np.spacing(np.abs(lower))
-        chain[:7, START_LOWER], chain[:7, START_UPPER] = lower, upper
+        chain[:7, Joint.START_LOWER], chain[:7, Joint.START_UPPER] = lower, upper
         q, work = np.empty(7), descents(7)
         state = rng.integers(0, 2**64 - 1, dtype=np.uint64)
         random_start(chain, problem.settings, np.zeros(12), 1, bool(rng.random() < 0.5), state, work, q)
