@@ -166,16 +166,19 @@ class _Problem:
     """One target of an arm, as the stages of the compiled engine take it."""
 
     def __init__(self, robot: Robot, redundancy: Strict | Weighted | None = None) -> None:
+        from maira_qp.kernels.layout import Outcome, Refinement  # heavy: Numba comes with it
         from maira_qp.solvers.compiled.batch import Batch
-        from maira_qp.solvers.compiled.engine import OUTCOME  # heavy: Numba comes with it
-        from maira_qp.solvers.compiled.refinement import SETTLED
 
         self.solver = Solver(robot, redundancy=redundancy)
         assert self.solver.engines.compiled is not None
         self.engine = self.solver.engines.compiled
         self.start = np.linspace(0.4, 0.9, robot.n)
         self.target = robot.forward(self.start).homogeneous
-        self.q, self.outcome, self.after = self.start[None].copy(), np.zeros((1, OUTCOME)), np.zeros((1, SETTLED))
+        self.q, self.outcome, self.after = (
+            self.start[None].copy(),
+            np.zeros((1, Outcome.WIDTH)),
+            np.zeros((1, Refinement.WIDTH)),
+        )
         self.batch = Batch(rows_of(self.target[None])[0], np.empty((0, robot.n)), np.zeros(1, np.uint64), False)
 
     def settle(self) -> None:

@@ -35,12 +35,14 @@ class View:
         log = logging.getLogger("maira_qp.robots")
         level = log.level
         log.setLevel(logging.ERROR)  # missing meshes are told in the page
-        viewer = Viewer(self.choice, self.host, self.port)
-        sys.stdout.write(f"the viewer of {viewer.current.robot.name} is at {viewer.url} (Ctrl-C ends it)\n")
-        sys.stdout.flush()
         try:
-            while True:
-                time.sleep(3600)
+            viewer = Viewer(self.choice, self.host, self.port)
+            sys.stdout.write(f"the viewer of {viewer.current.robot.name} is at {viewer.url} (Ctrl-C ends it)\n")
+            sys.stdout.flush()
+            try:
+                while True:
+                    time.sleep(3600)
+            finally:
+                viewer.close()
         finally:
-            viewer.close()
             log.setLevel(level)

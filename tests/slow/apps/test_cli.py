@@ -347,7 +347,7 @@ def test_plot_writes_nothing_on_bad_input(run, tmp_path, monkeypatch):
     (tmp_path / "scara.toml").write_text('name = "scara"\nlinks = [{ kind = "revolute", a = 0.4 }]\n')
     for arguments, message in (
         (("convergence",), "--position"),
-        (("convergence", *POSE, "--q0", 1), "(7,)"),
+        (("convergence", *POSE, "--q0", 1), "7 joint values, not 1"),
         (("convergence", *POSE, "--weight", 1), "--redundancy weighted"),
         (("convergence", *POSE, "--seed", -1), "--seed"),
         (("convergence", *POSE, "--output", "a.gif"), ".png, .svg, .pdf"),

@@ -6,7 +6,7 @@ from support.robots import load
 
 import maira_qp as mq
 from maira_qp.problem.objectives import Objective
-from maira_qp.solvers.compiled import engine as compiled
+from maira_qp.solvers.compiled import refinement
 
 OBJECTIVES = {
     "posture": mq.Posture(),
@@ -61,7 +61,7 @@ def test_what_a_fold_of_the_self_motion_holds_up_is_settled_from_its_other_side(
     solver, targets = mq.Solver(robot, redundancy=mq.Strict(mq.Posture())), np.array(list(map(robot.forward, q)))
     batch = solver.solve_batch(targets)
     with monkeypatch.context() as patch:
-        patch.setattr(compiled, "ELSEWHERE", 0)
+        patch.setattr(refinement, "ELSEWHERE", 0)
         held_up = solver.solve_batch(targets)
     moved = np.flatnonzero((batch.q != held_up.q).any(axis=1))
     assert len(moved) >= 2
