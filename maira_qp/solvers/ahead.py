@@ -21,7 +21,6 @@ import numpy as np
 
 from maira_qp.analytic.srs.geometry import SRS
 from maira_qp.errors import CompilationError, OptionError, listed
-from maira_qp.kernels.layout import Outcome
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.targets import SEED_0, rows_of, streams
@@ -236,6 +235,7 @@ def _proofs() -> None:
 def _small() -> None:
     """What takes a second or less each."""
     from maira_qp.kernels.kinematics.unwrap import has_free_turn, unwind, unwind_free
+    from maira_qp.kernels.layout import Outcome
     from maira_qp.kernels.search.seeds import has_long_slides
 
     problem = _Problem(_six_axes("continuous"), Weighted(Posture(), weight=1e-3))

@@ -1,6 +1,8 @@
 """The house itself: small rooms, no circles, and tests that come in by the door."""
 
 import ast
+import subprocess
+import sys
 from collections import Counter
 from functools import cache
 from pathlib import Path
@@ -103,3 +105,11 @@ def test_tests_import_nothing_from_each_other():
         if isinstance(node, ast.ImportFrom) and node.module in names
     ]
     assert found == []
+
+
+def test_the_package_is_light_to_import():
+    """Numba, qpsolvers, plots and the viewer come with what needs them."""
+    heavy = ("numba", "qpsolvers", "matplotlib", "viser")
+    code = f"import sys, maira_qp; print([name for name in {heavy!r} if name in sys.modules])"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout == "[]\n"
