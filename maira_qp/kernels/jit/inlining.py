@@ -208,8 +208,7 @@ class _OpenEntry(_OpenLibrary):
     _name = "open_library_of_entry"
 
     def library(self, state: Any) -> JITCodeLibrary:
-        kind = _Entry if state.flags.nrt else _BareEntry
-        library = kind(state.targetctx.codegen(), state.func_id.func_qualname)
+        library = _Entry(state.targetctx.codegen(), state.func_id.func_qualname)
         library.enable_object_caching()
         return library
 
@@ -251,14 +250,6 @@ class _Entry(_Library):
         _link(self, self._final_module)
         self._linking_libraries = []
         super().finalize()
-
-
-class _BareEntry(_Entry):
-    """The same without counts of references, which Numba prunes with passes before the main ones."""
-
-    def _optimize_final_module(self) -> None:
-        passes, builder = self._codegen._module_pass_manager()
-        passes.run(self._final_module, builder)
 
 
 def _link(library: Any, module: Any) -> None:
