@@ -17,7 +17,7 @@ test: .venv/.ready ## run the tests; those of the kernels again as plain Python,
 	OMP_NUM_THREADS=1 OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic $(BIN)/python -m pytest -q -n auto -m rounding
 	OMP_NUM_THREADS=1 MAIRA_QP_INLINE=0 $(BIN)/python -m pytest -q -n 0 $(WITHOUT_PASSES)
 
-quick: .venv/.ready ## run the unit tests alone: under a minute once the kernels are compiled
+quick: .venv/.ready ## run the unit tests alone: about a minute once the kernels are compiled
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist loadgroup tests/unit
 
 lint: .venv/.ready ## style, types, and the import contract

@@ -1,9 +1,9 @@
 """Closed form against multi-start on S-R-S arms: `python benchmarks/closed_form.py --targets 4000`.
 
 Both kernels get the same reachable poses in turns, several times, on one thread; the best time of each counts. The
-closed form is what goes before the search (`kernels/closed_form_search.py`), the multi-start is the search
-(`kernels/search.py`), which begins at known configurations next to the pose. Poses that cannot be reached are timed
-beside them: verdict, proof and nearest point.
+closed form is what goes before the search (`kernels/srs/reach.py`), the multi-start is the search
+(`kernels/search/multi_start.py`), which begins at known configurations next to the pose. Poses that cannot be reached
+are timed beside them: verdict, proof and nearest point.
 """
 
 from collections.abc import Callable

@@ -173,11 +173,8 @@ class _Problem:
         self.engine = self.solver.engines.compiled
         self.start = np.linspace(0.4, 0.9, robot.n)
         self.target = robot.forward(self.start).homogeneous
-        self.q, self.outcome, self.after = (
-            self.start[None].copy(),
-            np.zeros((1, Outcome.WIDTH)),
-            np.zeros((1, Refinement.WIDTH)),
-        )
+        self.q = self.start[None].copy()
+        self.outcome, self.after = np.zeros((1, Outcome.WIDTH)), np.zeros((1, Refinement.WIDTH))
         self.batch = Batch(rows_of(self.target[None])[0], np.empty((0, robot.n)), np.zeros(1, np.uint64), False)
 
     def settle(self) -> None:
@@ -198,12 +195,10 @@ def _step() -> None:
 
 
 def _best_swivel() -> None:
-    problem = _Problem(Robot.maira(), Strict(Posture()))
-    assert problem.engine.redundancy is not None
-    posture, weights = problem.engine.redundancy[2:].reshape(2, -1)
     from maira_qp.solvers.compiled.closed_form import reach_near_posture
 
-    reach_near_posture(problem.engine, problem.batch.rows, posture, weights, problem.q, problem.outcome)
+    problem = _Problem(Robot.maira(), Strict(Posture()))
+    reach_near_posture(problem.engine, problem.batch.rows, *problem.engine.posture, problem.q, problem.outcome)
 
 
 def _settle(redundancy: Strict | Weighted, offset: float) -> None:
@@ -213,16 +208,16 @@ def _settle(redundancy: Strict | Weighted, offset: float) -> None:
 
 
 def _nearest() -> None:
-    problem = _Problem(_six_axes())
     from maira_qp.solvers.compiled.refinement import finish
 
+    problem = _Problem(_six_axes())
     finish(problem.engine, problem.batch, problem.q, problem.outcome)
 
 
 def _nearest_in_closed_form() -> None:
-    problem = _Problem(Robot.maira())
     from maira_qp.solvers.compiled.closed_form import approach_in_closed_form
 
+    problem = _Problem(Robot.maira())
     approach_in_closed_form(problem.engine, problem.batch, np.array([0]), problem.q, problem.outcome)
 
 
@@ -244,8 +239,7 @@ def _small() -> None:
     for rows in (1, 2):  # a column of one row is contiguous, which makes it another type
         q, outcome = problem.q.repeat(rows, 0), problem.outcome.repeat(rows, 0)
         unwind(problem.engine.chain, turns.aim[None], outcome[:, Outcome.SUCCESS], q)
-    posture, weights = problem.engine.redundancy[2:].reshape(2, -1)  # type: ignore[index]
-    free = problem.engine.chain, turns.aim[None], posture, weights
+    free = problem.engine.chain, turns.aim[None], *problem.engine.posture
     has_free_turn(*free, problem.q)
     unwind_free(*free, np.ones(1, dtype=bool), problem.q)
     has_long_slides(problem.engine.chain)

@@ -244,11 +244,10 @@ class Solver(Shown):
         """
         from maira_qp.solvers.enumeration.all_solutions import all_solutions  # heavy: Numba comes with it
 
-        redundancy, engines = self.redundancy, self.engines
+        redundancy, engine = self.redundancy, self.engines.reference
         objective = Posture() if redundancy is None else redundancy.objectives[0]
-        seed = SEED_0 if rng is None else checked_seed(rng)
-        targets, compiled = self.problem.target(target), None if engines.refusal else engines.compiled
-        return all_solutions(engines.reference.context, compiled, targets, objective.of(self.robot), seed)
+        seed, targets = SEED_0 if rng is None else checked_seed(rng), self.problem.target(target)
+        return all_solutions(engine.context, engine.compiled, targets, objective.of(self.robot), seed)
 
     def _closest(self, targets: Targets, posture: Posture, seed: np.ndarray) -> Solution:
         """The nearest of all solutions to a posture, settled there, and of what is found from it.
@@ -259,8 +258,8 @@ class Solver(Shown):
 
         q0, poses, problem = posture.q_ref, targets.poses(), self.problem.with_redundancy(Strict(posture))
         by_distance = self.engines.with_problem(problem)
-        compiled = None if by_distance.refusal else by_distance.compiled
-        q = nearest_solution(by_distance.reference.context, compiled, targets, posture, seed)
+        engine = by_distance.reference
+        q = nearest_solution(engine.context, engine.compiled, targets, posture, seed)
         near = by_distance.solve(poses, q0, seed)
         if q is None:
             return near

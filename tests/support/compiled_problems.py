@@ -92,7 +92,7 @@ def search_for(
     last: int | None = None,
     memory: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """q (N, n) and outcomes (N, 7) of the kernel `search` for the targets (N, 12), in memory that holds rubbish."""
+    """q (N, n) and outcomes (N, 9) of the kernel `search` for the targets (N, 12), in memory that holds rubbish."""
     n, last = problem.robot.n, problem.last_attempt if last is None else last
     streams = np.arange(len(rows), dtype=np.uint64) if streams is None else streams
     sizes = memory_sizes(n, last - first + 1)

@@ -49,6 +49,7 @@ class EntryCompiler(CompilerBase):
         super().__init__(*arguments)
         state = self.state
         state.flags = _Flags(state.flags)
+        # the target's context is a copy of its own for each function, so nobody else's functions see this
         state.typingctx = state.targetctx.typing_context = _Typing(state.typingctx)
         state.targetctx.get_abi_sizeof = partial(_size, state.targetctx)
 

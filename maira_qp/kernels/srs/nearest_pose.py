@@ -33,7 +33,7 @@ _BRANCHES = 8
 def nearest_in_closed_form(chain, settings, arm, span, targets, streams, shuffled, tolerance, q, outcome):
     """The best stationary point of the pose error that Newton's method leads to from a few starts, into q (N, 7).
 
-    For each of targets (N, 12), with outcomes (N, 7) as of `search`, but for what tells of success; the cost stays
+    For each of targets (N, 12), with outcomes (N, 9) as of `search`, but for what tells of success; the cost stays
     infinite where there is no start. `span` (2,) [m] are the distances of shoulder and wrist that the elbow allows;
     `streams` (N,) and `shuffled` are as of `reach_in_closed_form`, tolerance as of `lane_newton`.
     """
@@ -54,7 +54,7 @@ def nearest_in_closed_form(chain, settings, arm, span, targets, streams, shuffle
 
 @bare_kernel
 def _choose(chain, settings, targets, kinematics, ends, steps, q, outcome):
-    """The best of the ends (N STARTS, 7) of each target (N, 12) into q (N, 7), and the outcomes (N, 7)."""
+    """The best of the ends (N STARTS, 7) of each target (N, 12) into q (N, 7), and the outcomes (N, 9)."""
     axes, origins, tool, e = _places(kinematics)
     for k in range(len(targets)):
         outcome[k, Outcome.FINAL_COST], outcome[k, Outcome.ATTEMPT] = np.inf, 0.0

@@ -18,7 +18,7 @@ TURN = 2.0 * np.pi / 2.0**32
 def reach_in_closed_form(
     chain, settings, arm, targets, streams, shuffled, floats, integers, pieces, kinematics, q, outcome
 ):
-    """Configurations q (N, 7) that reach `targets` (N, 12), and their outcomes (N, 7) as of `search`.
+    """Configurations q (N, 7) that reach `targets` (N, 12), and their outcomes (N, 9) as of `search`.
 
     What has none is `PROVED` to be out of reach, or left open: then its outcome is no success, and its cost infinite.
     The swivel angles are tried from the same one on, or, if `shuffled`, from one that `streams` (N,) tell. Memory:

@@ -12,25 +12,27 @@ from maira_qp.kernels.srs import nearest_pose, posture_seed, reach
 from maira_qp.kernels.srs.swivel_intervals import FLOATS, INTEGERS, PIECES
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.multi_start import attempt
+from maira_qp.solvers.compiled.outcomes import all_reached, none_open
 from maira_qp.solvers.compiled.problem_arrays import ProblemArrays
 from maira_qp.solvers.compiled.thread_pool import parts
 from maira_qp.solvers.reference.multi_start import HEAD
 
 
 def find_in_closed_form(arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome: np.ndarray, halted: Event) -> None:
-    """The same for an S-R-S arm, without starts: descents are left what is singular, and no nearest point found."""
+    """Search for q (N, 7) of an S-R-S arm that reach the targets, without starts; see `anywhere.find_anywhere`.
+
+    Descents are left what is singular. Of targets out of reach the nearest points are found.
+    """
     some: slice | np.ndarray = slice(None)
     if arrays.settles:
-        assert arrays.redundancy is not None
-        posture, weights = arrays.redundancy[2:].reshape(2, -1)
-        reach_near_posture(arrays, batch.rows, posture, weights, q, outcome)
-        if outcome[:, Outcome.SUCCESS].all():
+        reach_near_posture(arrays, batch.rows, *arrays.posture, q, outcome)
+        if none_open(outcome):
             return
         some = np.flatnonzero(outcome[:, Outcome.SUCCESS] == 0.0)
     some_q, some_outcome = q[some], outcome[some]
     reach_in_closed_form(arrays, batch.some(some), some_q, some_outcome)
     q[some], outcome[some] = some_q, some_outcome
-    if outcome[:, Outcome.SUCCESS].min() > 0.0:
+    if all_reached(outcome):
         return
     proved = np.flatnonzero(outcome[:, Outcome.SUCCESS] == Outcome.PROVED)
     left = np.flatnonzero(outcome[:, Outcome.SUCCESS] == 0.0)

@@ -33,17 +33,17 @@ that Ctrl-C is heard."""
 
 
 class Compiled(ProblemArrays):
-    """The search and the settling of one problem in compiled code."""
+    """The compiled engine of one problem: its arrays, and the stages that they go through."""
 
     NOT_RIGID = NOT_RIGID
 
     def solve(
         self, T: np.ndarray, q0: np.ndarray | None, seed: np.ndarray
     ) -> tuple[int, np.ndarray, np.ndarray, list[float], list[float]]:
-        """What is wrong with a target T (4, 4), see `kernels.search.multi_start.admit`; and from q0 (n,), if any:
+        """Solve for a target T (4, 4), from q0 (n,) or without a start, under a seed (2,).
 
-        the target (1, 12), q (n,), the outcome of the search (9,), and, where more was to be done than to reach the
-        pose, that of the refinement (6,), see `refinement.finish`.
+        Returns what is wrong with T, see `kernels.search.multi_start.admit`; the target (1, 12); q (n,); the outcome of
+        the search (9,); and, where there was more to do than to reach the pose, the result of the refinement (6,).
         """
         n = self.n
         row, stream, q = np.empty((1, 12)), np.empty(1, np.uint64), np.empty((1, n))
@@ -96,7 +96,7 @@ class Compiled(ProblemArrays):
         threads: int | None,
         progress: Progress | None,
     ) -> Outcomes:
-        """As `solve`, for targets (N, 12) from starts (N, n) or None."""
+        """Solve for N targets (N, 12), from starts (N, n) or without, under a seed (2,); on several threads."""
         shuffled = bool(seed.any())
         outcomes = Outcomes.empty(len(rows), self.robot.n)
 

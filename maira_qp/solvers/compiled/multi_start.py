@@ -13,6 +13,7 @@ from maira_qp.kernels.search.levenberg_marquardt import lanes_memory
 from maira_qp.kernels.search.multi_start import memory_sizes, search
 from maira_qp.kernels.search.seeds import has_long_slides, place_all
 from maira_qp.solvers.compiled.batch import Batch
+from maira_qp.solvers.compiled.outcomes import none_open
 from maira_qp.solvers.compiled.problem_arrays import ProblemArrays
 from maira_qp.solvers.compiled.thread_pool import parts
 from maira_qp.solvers.reference.levenberg_marquardt import Budget
@@ -22,7 +23,10 @@ sizes_of = lru_cache(memory_sizes)
 
 
 def attempts(arrays: ProblemArrays, batch: Batch, first: int, last: int, q: np.ndarray, outcome: np.ndarray) -> int:
-    """The attempts first, ..., last at the targets, see `kernels.search.multi_start`; how many are left open."""
+    """Make the attempts first, ..., last at N targets: q (N, n) and outcomes (N, 9) in place.
+
+    Returns how many targets are left open. See `kernels.search.multi_start.search`.
+    """
     floats, integers = sizes_of(arrays.n, last - first + 1)
     return search(
         arrays.chain,
@@ -46,17 +50,20 @@ def attempts(arrays: ProblemArrays, batch: Batch, first: int, last: int, q: np.n
 def attempt(
     arrays: ProblemArrays, batch: Batch, first: int, last: int, some: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """q (k, n) and outcomes (k, 7) of the attempts first, ..., last at k of the targets."""
+    """Make the attempts first, ..., last at k of the targets: q (k, n) and outcomes (k, 9)."""
     q, outcome = np.empty((len(some), arrays.n)), np.empty((len(some), Outcome.WIDTH))
     attempts(arrays, batch.some(some), first, last, q, outcome)
     return q, outcome
 
 
 def find_by_descents(arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome: np.ndarray, halted: Event) -> None:
-    """The same for any chain: some descents at each target, then proofs, then the others at what resists."""
+    """Search for q (N, n) of any chain that reach the targets, without starts; see `anywhere.find_anywhere`.
+
+    Some descents at each target come first, then certificates, then the other descents at what resists.
+    """
     last, head = arrays.last_attempt, min(HEAD, arrays.last_attempt)
     attempts(arrays, batch, 0, head, q, outcome)
-    if outcome[:, Outcome.SUCCESS].all():
+    if none_open(outcome):
         return
     left = np.flatnonzero((outcome[:, Outcome.SUCCESS] == 0.0) & np.isfinite(outcome[:, Outcome.FINAL_COST]))
     for part in parts(left, last + 1, halted):
@@ -75,7 +82,7 @@ def find_by_descents(arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome
 
 
 def find_in_time(arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome: np.ndarray, budget: Budget) -> None:
-    """`find` for one target without a start, for which there may be too little time."""
+    """Search for q (1, n) that reaches one target, without a start, for which there may be too little time."""
     spent, proved = 0.0, False
     for first in range(0, arrays.last_attempt + 1, LANES):
         found_q, found = attempt(arrays, batch, first, min(first + LANES - 1, arrays.last_attempt), np.arange(1))
@@ -100,7 +107,7 @@ def _is_proved(arrays: ProblemArrays, batch: Batch) -> bool:
 
 
 def descend(arrays: ProblemArrays, row: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where single descents from starts (N, n) toward a target (12,) end: q (N, n), outcomes (N, 7)."""
+    """Descend once from each of N starts (N, n) toward a target (12,): q (N, n) and outcomes (N, 9)."""
     q, outcome = np.empty(starts.shape), np.empty((len(starts), Outcome.WIDTH))
     batch = Batch(np.tile(row, (len(starts), 1)), starts, np.zeros(len(starts), np.uint64), False)
     attempts(arrays, batch, 0, 0, q, outcome)
@@ -108,7 +115,7 @@ def descend(arrays: ProblemArrays, row: np.ndarray, starts: np.ndarray) -> tuple
 
 
 def placed(arrays: ProblemArrays, row: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """The starts (N, n) with slides that are sampled in part only placed by a target (12,)."""
+    """Place the slides of starts (N, n) that are sampled in part only by a target (12,): (N, n)."""
     if has_long_slides(arrays.chain):
         starts = starts.copy()
         place_all(arrays.chain, arrays.settings, row, np.empty(lanes_memory(starts.shape[1])), starts)

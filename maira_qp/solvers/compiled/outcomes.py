@@ -58,3 +58,13 @@ class Outcomes(NamedTuple):
             "start_projected": columns[:, Outcome.MOVED] > 0,
             "left_q0": columns[:, Outcome.LEFT] > 0,
         }
+
+
+def none_open(outcome: np.ndarray) -> bool:
+    """Whether each of N outcomes (N, 9) of a search says that its target is reached, or certified unreachable."""
+    return bool(outcome[0, Outcome.SUCCESS] != 0.0 if len(outcome) == 1 else outcome[:, Outcome.SUCCESS].all())
+
+
+def all_reached(outcome: np.ndarray) -> bool:
+    """Whether each of N outcomes (N, 9) of a search says that its target is reached."""
+    return bool(outcome[0, Outcome.SUCCESS] > 0.0 if len(outcome) == 1 else outcome[:, Outcome.SUCCESS].min() > 0.0)

@@ -181,7 +181,7 @@ class ProblemArrays:
         """What the redundancy's objective is (N,) at configurations q (N, n), where the kernels know it; else 0."""
         if self.redundancy is None or not self.settles:
             return np.zeros(len(q))
-        reference, weights = self.redundancy[2:].reshape(2, -1)
+        reference, weights = self.posture
         return 0.5 * np.square(q - reference) @ weights
 
     def exact(self) -> Self:

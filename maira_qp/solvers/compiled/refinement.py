@@ -13,6 +13,7 @@ from maira_qp.kernels.refinement.nearest_pose import nearest_points
 from maira_qp.kernels.refinement.null_space_sqp import settle, trade_off_each
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.multi_start import attempt
+from maira_qp.solvers.compiled.outcomes import all_reached
 from maira_qp.solvers.compiled.problem_arrays import WEIGHT, ProblemArrays
 from maira_qp.solvers.neighbourhood import TURNINGS
 
@@ -22,9 +23,9 @@ its objective may be there. In a fold of the self-motion the tolerances of the p
 
 
 def finish(arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome: np.ndarray) -> np.ndarray:
-    """From what was found for the targets (N, 12) to the redundancy's optimum, or the nearest point; q in place.
+    """Refine q (N, n), in place, that a search left: to the optimum of the redundancy, or to the nearest point.
 
-    The second outcomes (N, 6), see `kernels.refinement.null_space_sqp.settle`; NaN where there was nothing to do.
+    Returns the results (N, 6), see `kernels.layout.Refinement`; NaN where there was nothing to do.
     """
     after = np.full((len(q), Refinement.WIDTH), np.nan)
     if arrays.settles:
@@ -32,7 +33,7 @@ def finish(arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome: np.ndarr
         if not len(batch.starts):
             for k in np.flatnonzero((outcome[:, Outcome.SUCCESS] > 0.0) & ~is_converged(arrays, after)).tolist():
                 _refine_elsewhere(arrays, batch, k, q, outcome, after)
-    if outcome[:, Outcome.SUCCESS].min() > 0.0:
+    if all_reached(outcome):
         return after
     short = np.flatnonzero(~(outcome[:, Outcome.SUCCESS] > 0.0) & np.isfinite(outcome[:, Outcome.FINAL_COST]))
     if len(short):
@@ -41,9 +42,10 @@ def finish(arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome: np.ndarr
 
 
 def refine(arrays: ProblemArrays, rows: np.ndarray, near: np.ndarray | None, q: np.ndarray, after: np.ndarray) -> None:
-    """Settle the redundancy at the configurations q (N, n), in place, that reach the targets (N, 12).
+    """Optimise the redundancy along the self-motion from q (N, n), in place, which reach the targets (N, 12).
 
-    Joints turn to what is `near`, (N, n) or (1, n), as `_at_turns` says; None: they keep their turns.
+    Results (N, 6) go into `after`. Joints turn to what is `near`, (N, n) or (1, n), see `_at_turns`; None: they keep
+    their turns.
     """
     _refine_strictly(arrays, rows, q, after)
     if near is not None:
@@ -55,7 +57,7 @@ def refine(arrays: ProblemArrays, rows: np.ndarray, near: np.ndarray | None, q: 
 
 
 def refined(arrays: ProblemArrays, row: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The optima of the redundancy near q (N, n), which reach a target (12,), and whether they are reached (N,)."""
+    """Optimise the redundancy from q (N, n), which reach a target (12,): optima (N, n), and which are optimal (N,)."""
     q, outcome = q.copy(), np.empty((len(q), Refinement.WIDTH))
     refine(arrays, np.tile(row, (len(q), 1)), None, q, outcome)
     return q, (outcome[:, Refinement.REACHED] > 0.0) & is_converged(arrays, outcome)
@@ -64,7 +66,7 @@ def refined(arrays: ProblemArrays, row: np.ndarray, q: np.ndarray) -> tuple[np.n
 def nearest(
     arrays: ProblemArrays, rows: np.ndarray, near: np.ndarray | None, q: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The stationary points of the pose error that q (N, n) lead to, and second outcomes (N, 6).
+    """Minimise the pose error from q (N, n): stationary points (N, n), and results (N, 6).
 
     Joints turn to what is `near`, (N, n) or (1, n), as `_at_turns` says; None: they keep their turns.
     """
@@ -76,14 +78,14 @@ def nearest(
 
 
 def references(arrays: ProblemArrays, batch: Batch) -> np.ndarray | None:
-    """What joints are turned to: the starts (N, n), or the posture wished for (1, n); None: they have one turn."""
+    """Configurations whose whole turns joints go to: starts (N, n), or the posture (1, n); None: there is one turn."""
     if not arrays.has_turns:
         return None
     return batch.starts if len(batch.starts) else arrays.turns.aim[None]  # type: ignore[union-attr]
 
 
 def is_converged(arrays: ProblemArrays, after: np.ndarray) -> np.ndarray:
-    """Which of the second outcomes (N, 6) are optima, (N,)."""
+    """Which of the results (N, 6) are optimal, (N,) of bool."""
     return np.asarray(after[:, Refinement.PROJECTED_GRADIENT] <= arrays.settling[Settling.STATIONARITY_TOLERANCE])
 
 

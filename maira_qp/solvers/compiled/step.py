@@ -183,7 +183,7 @@ def unsupported(problem: Problem) -> str:
 
 
 def _levels(problem: Problem) -> list[_Level] | None:
-    """The levels in falling priority, as in `tick.py`; None if there is one that the kernel does not know."""
+    """The levels in falling priority, as in `solvers.reference.step`; None if the kernel does not know one of them."""
     redundancy = problem.redundancy
     weighted = (ObjectiveTask(redundancy.objective, redundancy.weight),) if isinstance(redundancy, Weighted) else ()
     strict = redundancy.objectives if isinstance(redundancy, Strict) else ()

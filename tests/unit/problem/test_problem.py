@@ -64,9 +64,9 @@ def test_targets_of_one_call_and_of_many_are_of_one_type(maira, rng):
     ]
     many, one = problem.targets(poses), problem.target(poses[1])
     assert (len(many), len(one), many.frames) == (3, 1, problem.frames)
-    np.testing.assert_allclose(many[1].rows, one.rows, atol=1e-15)
+    np.testing.assert_allclose(many[1].rows, one.rows, atol=1e-14)
     for frame, pose in one.poses().items():
-        np.testing.assert_allclose(pose.homogeneous, poses[1][frame].homogeneous, atol=1e-15)
+        np.testing.assert_allclose(pose.homogeneous, poses[1][frame].homogeneous, atol=1e-14)
     assert many.is_finite.all()
     with pytest.raises(FrameError, match="tool0"):
         problem.target({"elbow": poses[0][problem.frames[0]]})
