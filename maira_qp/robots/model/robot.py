@@ -18,7 +18,7 @@ from maira_qp.robots.model import catalog
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.joint_limits import JointLimits
 from maira_qp.robots.model.kinematics import Kinematics
-from maira_qp.robots.model.reduced import Couplings, coupled, frames_of, independent, reduced
+from maira_qp.robots.model.reduced import Couplings, Reduced, coupled, frames_of, independent, reduced
 from maira_qp.robots.model.sources import DHSource, Source, URDFSource
 from maira_qp.robots.urdf.model import model_of
 from maira_qp.robots.urdf.reader import Chain, read_urdf
@@ -130,9 +130,8 @@ class Robot(Shown):
         name: str | None = None,
         acceleration: Any = None,
         mimic: Couplings | None = None,
-        source: Source | None = None,
     ) -> Robot:
-        """From a Pinocchio model, which is copied: this is what `from_urdf` and `from_dh` end in.
+        """From a Pinocchio model, which is copied; `from_urdf` and `from_dh` make one.
 
         The joints between the base and the tips move, in the order of the model, all others are fixed at zero or at
         their limit nearest to it. A continuous joint, in Pinocchio a pair (cos, sin), becomes one angle without limits,
@@ -148,7 +147,6 @@ class Robot(Shown):
             name: of the robot; None: the model's.
             acceleration: largest accelerations (n,) [rad/s^2, or m/s^2], as in `limited`: no model holds them.
             mimic: {follower: (leader, multiplier, offset)} of joints that are not mimic joints in the model.
-            source: what an importer made the model from.
 
         Raises `RobotError` for a model that cannot be used: joints of other types on the way, such as a free-flyer,
         limits that are inverted, NaN or missing, nothing that moves; `FrameError` for a tip or base that is not a
@@ -159,16 +157,18 @@ class Robot(Shown):
             name = model.name or "robot"
         elif not isinstance(name, str) or not name.strip():
             raise RobotError(f"a robot's name must be text that is not empty, got {shown(name)}")
-        if not isinstance(source, (Source, type(None))):
-            raise RobotError(f"source is for importers, got {shown(source)}")
+        return cls._of_part(part, name, acceleration, None)
+
+    @classmethod
+    def _of_part(cls, part: Reduced, name: str, acceleration: Any, source: Source | None) -> Robot:
         wanted = part.limits.limited(None, None, None, acceleration, 0.0)
         return cls(part.model, part.mimic, name, part.base, part.tips, wanted.acceleration, source)
 
     @classmethod
     def _of_chain(cls, chain: Chain, source: Source) -> Robot:
         model, mimic = model_of(chain)
-        known = {"acceleration": chain.acceleration, "mimic": mimic, "source": source}
-        return cls.from_model(model, chain.tips, chain.base, name=chain.name, **known)
+        part = reduced(model, chain.tips, chain.base, None, mimic)
+        return cls._of_part(part, chain.name, chain.acceleration, source)
 
     @classmethod
     def from_dh(cls, links: DHTable | Iterable[DHLink | Mapping[str, Any]], name: str | None = None) -> Robot:

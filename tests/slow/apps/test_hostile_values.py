@@ -98,7 +98,6 @@ PLACES = {
     "from_model_acceleration": lambda s, v: mq.Robot.from_model(ROBOT.model, acceleration=v),
     "from_model_mimic": lambda s, v: mq.Robot.from_model(ROBOT.model, mimic=v),
     "from_model_coupling": lambda s, v: mq.Robot.from_model(ROBOT.model, mimic={"joint2": ("joint1", v, v)}),
-    "from_model_source": lambda s, v: mq.Robot.from_model(ROBOT.model, source=v),
     "integrate": lambda s, v: ROBOT.integrate(v, ROBOT.middle),
     "difference": lambda s, v: ROBOT.difference(ROBOT.middle, v),
     "from_urdf_tip": lambda s, v: mq.Robot.from_urdf(ROBOT.urdf, tip=v),
