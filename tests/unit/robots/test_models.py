@@ -240,7 +240,6 @@ def test_tool_frames_can_be_tips(rng):
         ({"mimic": {"j2": ("j1", nan, 0.0)}}, RobotError, "finite"),
         ({"mimic": {"j2": "j1"}}, RobotError, "leader, multiplier, offset"),
         ({"mimic": ["j2"]}, RobotError, "mapping"),
-        ({"source": "urdf"}, RobotError, "importers"),
         ({"base": "l1", "mimic": {"j2": ("j1", 1.0, 0.0)}}, RobotError, "'j1', which the base stands on"),
     ],
 )
