@@ -7,7 +7,7 @@ from threading import Event
 import numpy as np
 
 from maira_qp.kernels.jit.simd import LANES
-from maira_qp.kernels.layout import Outcome, SeedLanes, Settling
+from maira_qp.kernels.layout import Outcome, SeedLanes
 from maira_qp.kernels.srs import nearest_pose, posture_seed, reach
 from maira_qp.kernels.srs.swivel_intervals import FLOATS, INTEGERS, PIECES
 from maira_qp.solvers.compiled.batch import Batch
@@ -70,7 +70,7 @@ def approach_in_closed_form(
 ) -> None:
     """Put the nearest points of some of the targets, which are out of reach, into q (N, 7)."""
     if len(some):
-        near, end, tolerance = q[some], outcome[some], arrays.settling[Settling.STATIONARITY_TOLERANCE]
+        near, end, tolerance = q[some], outcome[some], arrays.stationarity_tolerance
         problem, (rows, _, streams, shuffled) = (arrays.chain, arrays.settings, arrays.proofs.srs), batch.some(some)
         nearest_pose.nearest_in_closed_form(*problem, arrays.proofs.span, rows, streams, shuffled, tolerance, near, end)
         q[some], outcome[some] = near, end

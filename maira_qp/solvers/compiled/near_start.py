@@ -14,7 +14,7 @@ from threading import Event
 import numpy as np
 
 from maira_qp.kernels.kinematics.unwrap import unwind
-from maira_qp.kernels.layout import Outcome, Refinement, Setting, Settling
+from maira_qp.kernels.layout import Outcome, Refinement, Setting
 from maira_qp.solvers.compiled.anywhere import find_anywhere
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.closed_form import reach_near_posture
@@ -175,7 +175,7 @@ class NearStart:
         outcome[short, Outcome.ORIENTATION_ERROR] = end[:, Refinement.ORIENTATION_ERROR]
         outcome[short, Outcome.FINAL_COST] = 0.5 * np.square(self._weighted_errors(outcome[short]))
         steady[short] = (end[:, Refinement.REACHED] > 0.0) | (
-            end[:, Refinement.PROJECTED_GRADIENT] <= arrays.settling[Settling.STATIONARITY_TOLERANCE]
+            end[:, Refinement.PROJECTED_GRADIENT] <= arrays.stationarity_tolerance
         )
         return steady
 

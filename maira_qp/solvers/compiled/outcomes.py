@@ -68,3 +68,9 @@ def none_open(outcome: np.ndarray) -> bool:
 def all_reached(outcome: np.ndarray) -> bool:
     """Whether each of N outcomes (N, 9) of a search says that its target is reached."""
     return bool(outcome[0, Outcome.SUCCESS] > 0.0 if len(outcome) == 1 else outcome[:, Outcome.SUCCESS].min() > 0.0)
+
+
+def unsettled(refinement: np.ndarray, tolerance: float) -> list[int]:
+    """Which of N refinements (N, 6) did not end at a projected gradient within the tolerance."""
+    gradients = refinement[:, Refinement.PROJECTED_GRADIENT].tolist()
+    return [k for k, gradient in enumerate(gradients) if not gradient <= tolerance]

@@ -155,7 +155,12 @@ class ProblemArrays:
         """A coordinate of a target beyond this [m] is a mistake."""
         return FARTHEST * self.robot.length
 
-    @property
+    @cached_property
+    def stationarity_tolerance(self) -> float:
+        """Projected gradient below which a refinement is at an optimum."""
+        return float(self.settling[Settling.STATIONARITY_TOLERANCE])
+
+    @cached_property
     def trades_off(self) -> bool:
         """There is a redundancy, and it is `Weighted`."""
         return self.redundancy is not None and bool(self.redundancy[KIND] == WEIGHTED)

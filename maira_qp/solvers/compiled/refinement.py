@@ -10,10 +10,11 @@ import numpy as np
 from maira_qp.kernels.kinematics.unwrap import has_free_turn, unwind, unwind_free
 from maira_qp.kernels.layout import Outcome, Refinement, Settling
 from maira_qp.kernels.refinement.nearest_pose import nearest_points
-from maira_qp.kernels.refinement.null_space_sqp import settle, trade_off_each
+from maira_qp.kernels.refinement.null_space_sqp import settle_alone, trade_off_each
+from maira_qp.kernels.refinement.stabilized_sqp_simd import settle_in_lanes
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.multi_start import attempt
-from maira_qp.solvers.compiled.outcomes import all_reached
+from maira_qp.solvers.compiled.outcomes import all_reached, unsettled
 from maira_qp.solvers.compiled.problem_arrays import WEIGHT, ProblemArrays
 from maira_qp.solvers.neighbourhood import TURNINGS
 
@@ -21,18 +22,23 @@ ELSEWHERE, WORTH = 6, 1.02
 """Other ways to the pose from which the redundancy is settled where it was not at first, at most; and how much larger
 its objective may be there. In a fold of the self-motion the tolerances of the pose are worth a percent of it."""
 
+LARGEST = float(np.finfo(float).max)
+"""What every projected gradient of a walk that ended at an optimum is below; the others say infinity."""
+
 
 def finish(arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome: np.ndarray) -> np.ndarray:
     """Refine q (N, n), in place, that a search left: to the optimum of the redundancy, or to the nearest point.
 
     Returns the results (N, 6), see `kernels.layout.Refinement`; NaN where there was nothing to do.
     """
-    after = np.full((len(q), Refinement.WIDTH), np.nan)
+    after = np.empty((len(q), Refinement.WIDTH))
+    after.fill(np.nan)
     if arrays.settles:
         refine(arrays, batch.rows, references(arrays, batch), q, after)
         if not len(batch.starts):
-            for k in np.flatnonzero((outcome[:, Outcome.SUCCESS] > 0.0) & ~is_converged(arrays, after)).tolist():
-                _refine_elsewhere(arrays, batch, k, q, outcome, after)
+            for k in unsettled(after, arrays.stationarity_tolerance):
+                if outcome[k, Outcome.SUCCESS] > 0.0:
+                    _refine_elsewhere(arrays, batch, k, q, outcome, after)
     if all_reached(outcome):
         return after
     short = np.flatnonzero(~(outcome[:, Outcome.SUCCESS] > 0.0) & np.isfinite(outcome[:, Outcome.FINAL_COST]))
@@ -86,12 +92,20 @@ def references(arrays: ProblemArrays, batch: Batch) -> np.ndarray | None:
 
 def is_converged(arrays: ProblemArrays, after: np.ndarray) -> np.ndarray:
     """Which of the results (N, 6) are optimal, (N,) of bool."""
-    return np.asarray(after[:, Refinement.PROJECTED_GRADIENT] <= arrays.settling[Settling.STATIONARITY_TOLERANCE])
+    return np.asarray(after[:, Refinement.PROJECTED_GRADIENT] <= arrays.stationarity_tolerance)
 
 
 def _refine_strictly(arrays: ProblemArrays, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
-    """To the optima of the objective alone."""
-    settle(arrays.chain, arrays.settings, rows, *arrays.posture, arrays.settling, q, after)
+    """To the optima of the objective alone: eight at a time, and one by one where that does not end at one.
+
+    Those few have a kernel of their own, so that it is compiled when one of them comes.
+    """
+    settle_in_lanes(arrays.chain, arrays.settings, rows, *arrays.posture, arrays.settling, q, after)
+    alone = unsettled(after, LARGEST)
+    if alone:
+        some, end = q[alone], after[alone]
+        settle_alone(arrays.chain, arrays.settings, rows[alone], *arrays.posture, arrays.settling, some, end)
+        q[alone], after[alone] = some, end
 
 
 def _trade_off(arrays: ProblemArrays, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
@@ -167,5 +181,5 @@ def _refine_elsewhere(
 def _approach(arrays: ProblemArrays, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
     """To the stationary points of the pose error, in place."""
     posture = arrays.posture if arrays.settles else (np.full(arrays.n, np.nan), np.zeros(arrays.n))
-    tolerance, most = arrays.settling[Settling.STATIONARITY_TOLERANCE], int(arrays.settling[Settling.MAX_SETTLING])
-    nearest_points(arrays.chain, arrays.settings, rows, *posture, tolerance, most, q, after)
+    most = int(arrays.settling[Settling.MAX_SETTLING])
+    nearest_points(arrays.chain, arrays.settings, rows, *posture, arrays.stationarity_tolerance, most, q, after)
