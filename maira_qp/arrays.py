@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import numbers
 from collections.abc import Iterable, Mapping
 from enum import Enum
 from typing import Any
@@ -18,32 +19,67 @@ LARGEST_SIZE = 2 * 10**9
 
 
 def real_array(
-    value: Any, shape: tuple[int | None, ...], name: str, error: type[MairaError], *, finite: bool | None = True
+    value: Any,
+    shape: tuple[int | None, ...],
+    name: str,
+    error: type[MairaError],
+    *,
+    finite: bool | None = True,
+    wanted: str = "",
 ) -> np.ndarray:
     """A fresh float64 array of the given shape (None: any length) from what a caller passed.
 
     Raises `error` for strings, objects, booleans and complex numbers, for another shape, and for what
-    is not finite; with `finite` False for NaN only, with None for neither.
+    is not finite; with `finite` False for NaN only, with None for neither. `wanted` says what is valid where numbers
+    of that shape do not.
     """
+
+    def refused(reason: str) -> MairaError:
+        return error(f"{name} must be {wanted or _numbers_of(shape)}{reason}")
+
     if _claimed_size(value) > LARGEST_SIZE:  # nested aliases of one list can mean terabytes
         raise error(f"{name} holds more than {LARGEST_SIZE} numbers: {shown(value)}")
     try:
         raw = np.asarray(value)
         masked = np.ma.is_masked(value) or (isinstance(value, (list, tuple)) and any(map(np.ma.is_masked, value)))
-    except Exception as reason:  # ragged lists, and whatever a class of the caller's own raises
-        raise error(f"{name} is not an array of numbers: {reason!s:.300}") from None
-    if raw.dtype.kind not in "iuf":
-        raise error(f"{name} must hold real numbers, not {raw.dtype.name} ({shown(value)})")
+    except ValueError:
+        raise refused(f", not entries of different lengths: {shown(value)}") from None
+    except Exception as reason:  # whatever a class of the caller's own raises
+        raise refused(f", not {shown(value)}: {reason!s:.300}") from None
+    is_plain = raw.dtype.kind == "O" and raw.size > 0 and all(type(each) in (int, float) for each in raw.flat)
+    if raw.dtype.kind not in "iuf" and not is_plain:
+        raise refused(f", not {_kind(value, raw)}: {shown(value)}")
     if masked:
-        raise error(f"{name} must hold numbers throughout: entries of it are masked")
-    with np.errstate(over="ignore"):  # of what is longer than a double
-        array = np.array(raw, dtype=np.float64, order="C")
+        raise refused(" throughout: entries of it are masked")
+    try:
+        with np.errstate(over="ignore"):  # of what is longer than a double
+            array = np.array(raw, dtype=np.float64, order="C")
+    except OverflowError:
+        raise refused(f", not beyond the largest float: {shown(value)}") from None
     if len(array.shape) != len(shape) or any(s not in (None, n) for s, n in zip(shape, array.shape, strict=True)):
-        wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ("," if len(shape) == 1 else "") + ")"
-        raise error(f"{name} must have shape {wanted}, not {array.shape}")
+        given = f"{type(value).__name__} of shape {array.shape}" if array.ndim else f"the one number {shown(value)}"
+        raise refused(f", not {given}")
     if finite is not None and (np.isnan(array).any() or (finite and not np.isfinite(array).all())):
-        raise error(f"{name} must be finite, got {np.array2string(array, threshold=20, precision=4)}")
+        entries = " ".join(np.array2string(array, threshold=20, precision=4).split())
+        raise error(f"{name} must {'be finite' if finite else 'not be NaN'}, got {entries}")
     return array
+
+
+def _numbers_of(shape: tuple[int | None, ...]) -> str:
+    """Numbers of a shape (None: any length) in words."""
+    if not shape:
+        return "a real number"
+    lengths = ", ".join("any" if length is None else str(length) for length in shape)
+    return f"real numbers of shape ({lengths}{',' if len(shape) == 1 else ''})"
+
+
+def _kind(value: Any, raw: np.ndarray) -> str:
+    """Of what type a value is, and the first of its entries (as an array) that is no number."""
+    if not raw.ndim:
+        return type(value).__name__
+    entries = (each for each in raw.flat if isinstance(each, (bool, np.bool_)) or not isinstance(each, numbers.Real))
+    entry = type(next(entries, None)).__name__.rstrip("_") if raw.size else raw.dtype.type.__name__.rstrip("_")
+    return f"{type(value).__name__} of {entry}"
 
 
 def is_native(value: Any, shape: tuple[int, ...]) -> bool:

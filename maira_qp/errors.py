@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import itertools
 import reprlib
 from collections.abc import Iterable
 
@@ -69,6 +70,9 @@ class _Bounded(reprlib.Repr):
 
     def repr_instance(self, x: object, level: int) -> str:
         try:
+            if getattr(getattr(x, "dtype", None), "hasobject", False):  # NumPy's own repr looks at all of each entry
+                entries = list(itertools.islice(x.flat, self.maxlist + 1))  # type: ignore[attr-defined]
+                return f"{type(x).__name__} of {self.repr1(entries, level)}"
             return super().repr_instance(x, level)
         except Exception:  # a caller's own class
             return f"<{type(x).__name__}>"
@@ -79,5 +83,5 @@ _bounded.maxlevel, _bounded.maxother, _bounded.maxstring = 3, 80, 80
 
 
 def shown(value: object) -> str:
-    """A value as text for a message, at most 80 characters, made without a look at all of it."""
-    return f"{_bounded.repr(value):.80}"
+    """A value as text for a message, at most 80 characters in one line, made without a look at all of it."""
+    return f"{' '.join(_bounded.repr(value).split()):.80}"

@@ -20,6 +20,8 @@ ORTHONORMAL_WITHIN = 1e-5
 unit quaternion, without a word: what rounding to single precision leaves."""
 ROUNDED_WITHIN = 2e-3
 """Up to this they are too, and results say so: three decimals leave 1.8e-3 of a matrix, 1e-3 of a quaternion."""
+A_POSE = "a pose (pin.SE3, (4, 4) array, mq.pose([x, y, z]) or mq.pose([x, y, z], quaternion=[w, x, y, z]))"
+"""What is valid as one, for messages."""
 
 
 def quaternion_from_matrix(R: np.ndarray) -> np.ndarray:
@@ -120,9 +122,12 @@ def skew(v: np.ndarray) -> np.ndarray:
 def pose_error(T: Any, T_d: Any) -> np.ndarray:
     """Error (6,) of a pose T against the desired T_d, in base axes: [p_d - p in m; orientation error in rad].
 
-    Poses are (4, 4) arrays or `pin.SE3`.
+    Poses are (4, 4) arrays or `pin.SE3`. Raises `PoseError` for what is neither.
     """
-    T, T_d = (np.asarray(getattr(pose, "homogeneous", pose), dtype=float) for pose in (T, T_d))
+    T, T_d = (
+        real_array(getattr(pose, "homogeneous", pose), (4, 4), name, PoseError, finite=None, wanted=A_POSE)
+        for pose, name in ((T, "T"), (T_d, "T_d"))
+    )
     return np.concatenate([T_d[:3, 3] - T[:3, 3], orientation_error(T[:3, :3], T_d[:3, :3])])
 
 
@@ -176,7 +181,7 @@ def exact_rotation(R: np.ndarray, name: str, *, project: bool = False) -> np.nda
 
 def rigid(matrix: Any, name: str, *, project: bool = False) -> np.ndarray:
     """A homogeneous transformation (4, 4) from a caller, its rotation part made exact. Raises `PoseError`."""
-    T = real_array(matrix, (4, 4), name, PoseError)
+    T = real_array(matrix, (4, 4), name, PoseError, wanted=A_POSE)
     if not np.array_equal(T[3], (0.0, 0.0, 0.0, 1.0)):
         raise PoseError(f"the last row of the {name} must be [0, 0, 0, 1], got {T[3].tolist()}")
     T[:3, :3] = exact_rotation(T[:3, :3], name, project=project)

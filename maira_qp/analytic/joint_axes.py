@@ -1,4 +1,4 @@
-"""The joint axes of a chain at q = 0, as lines in the base."""
+"""The joint axes of a chain, as lines in the base."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import pinocchio as pin
 from maira_qp.robots.model.robot import Robot
 
 
-def screws(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
-    """A point (n, 3) [m] of each joint's axis and its direction (n, 3) at q = 0; NaN for a prismatic joint."""
+def screws(robot: Robot, q: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """A point (n, 3) [m] of each joint's axis and its direction (n, 3) at q (n,), zero if None; NaN where it slides."""
     model, data, n = robot.model, robot.model.createData(), robot.n
-    pin.computeJointJacobians(model, data, np.zeros(n))
+    pin.computeJointJacobians(model, data, np.zeros(n) if q is None else q)
     columns = [
         pin.getJointJacobian(model, data, i + 1, pin.LOCAL_WORLD_ALIGNED).reshape(6, n)[:, i].copy() for i in range(n)
     ]

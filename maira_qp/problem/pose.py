@@ -57,7 +57,7 @@ def pose(
     if matrix is not None and _has_four_rows(matrix):
         if p.any():
             raise PoseError("a 4x4 matrix holds its own position; leave out the argument `position`")
-        return as_pose(matrix, project=project)
+        return as_pose(matrix, "matrix", project=project)
     if matrix is not None:
         R = real_array(matrix, (3, 3), "matrix (3x3, or 4x4)", PoseError)
     elif quaternion is not None:
@@ -80,16 +80,10 @@ def _has_four_rows(matrix: Any) -> bool:
     return is_listing(matrix) and hasattr(matrix, "__len__") and len(matrix) == 4
 
 
-def as_pose(target: Any, *, project: bool = False) -> pin.SE3:
-    """A checked `pin.SE3` from a `pin.SE3` or a 4x4 array. Raises `PoseError`."""
-    size = len(target) if isinstance(target, (list, tuple)) or getattr(target, "ndim", 0) == 1 else 4
-    if size in (2, 3, 7):  # a position, with a quaternion or without
-        raise PoseError(
-            "a target is a pose, a pin.SE3 or a (4, 4) array: mq.pose([x, y, z], quaternion=[w, x, y, z]); "
-            "of a task of the position alone, mq.PositionTask(), too: mq.pose([x, y, z])"
-        )
+def as_pose(target: Any, name: str = "target", *, project: bool = False) -> pin.SE3:
+    """A checked `pin.SE3` from a `pin.SE3` or a 4x4 array. Raises `PoseError`, with `name` in it."""
     given = target.homogeneous if isinstance(target, pin.SE3) else target
-    T = rigid(given, "target", project=project)
+    T = rigid(given, name, project=project)
     _tell(rounding_of(given), ROUNDED)
     return pin.SE3(T[:3, :3].copy(), T[:3, 3].copy())
 

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from maira_qp.arrays import is_listing, is_native, real_array
 from maira_qp.errors import ConfigurationError, FrameError, OptionError, PoseError, listed, shown
-from maira_qp.orientation import ORTHONORMAL_WITHIN, rigid, rounding_of
+from maira_qp.orientation import A_POSE, ORTHONORMAL_WITHIN, rigid, rounding_of
 from maira_qp.problem.pose import as_pose
 
 FARTHEST = 1e9
@@ -69,9 +69,10 @@ def checked_target(target: Any, frames: tuple[str, ...], length: float) -> Targe
     if len(target) < len(frames):
         missing = ", ".join(repr(frame) for frame in frames if frame not in target)
         raise PoseError(_instead(frames, f"a mapping {{frame: pose}}, in which {missing} is missing"))
-    poses = {frame: as_pose(target[frame]) for frame in frames}
+    names = {frame: "target" if len(frames) == 1 else f"target of {frame!r}" for frame in frames}
+    poses = {frame: as_pose(target[frame], name) for frame, name in names.items()}
     for frame, pose in poses.items():
-        check_distance(pose.translation, length, "target" if len(poses) == 1 else f"target of {frame!r}")
+        check_distance(pose.translation, length, names[frame])
     deviation = max((rounding_of(getattr(each, "homogeneous", each)) for each in target.values()), default=0.0)
     rows = np.reshape([row_of(pose) for pose in poses.values()], (1, len(frames), 12))
     return Targets(frames, rows, np.array([deviation]))
@@ -193,7 +194,9 @@ def poses_of_batch(targets: Any, name: str = "target") -> np.ndarray:
     try:
         return real_array(targets, (None, 4, 4), f"{name}s", PoseError, finite=None)
     except PoseError:
-        poses = [real_array(T, (4, 4), f"{name} {i}", PoseError, finite=None) for i, T in enumerate(targets)]
+        poses = [
+            real_array(T, (4, 4), f"{name} {i}", PoseError, finite=None, wanted=A_POSE) for i, T in enumerate(targets)
+        ]
         return np.array(poses).reshape(-1, 4, 4)
 
 

@@ -37,7 +37,9 @@ class ListedSolution(Shown):
 
     def _card(self) -> Card:
         numbers = [f"{value:.4f}" for value in self.q]
-        arc = "" if self.arc is None else f"psi {self.arc.lower:.4f} .. {self.arc.upper:.4f} rad, here {self.psi:.4f}"
+        arc = "" if self.arc is None else f"psi {self.arc.in_words()}"
+        if self.arc is not None and not self.arc.is_isolated:
+            arc += f", here {self.psi:.4f}"
         return Card(
             title=f"ListedSolution: cost {self.cost:.6g}",
             facts=(("error", f"{self.position_error:.3g} m, {self.orientation_error:.3g} rad"), ("arc", arc)),
@@ -109,7 +111,7 @@ class Solutions(Shown, Sequence[ListedSolution]):
                     str(i),
                     f"{one.cost:.5g}",
                     *(f"{x:.4f}" for x in one.q),
-                    *([f"{one.arc.lower:.3f} .. {one.arc.upper:.3f}"] if one.arc is not None else []),
+                    *([one.arc.in_words(3)] if one.arc is not None else []),
                 )
                 for i, one in enumerate(self)
             ],

@@ -20,7 +20,8 @@ from tempfile import TemporaryFile
 import numpy as np
 
 from maira_qp.analytic.srs.geometry import SRS
-from maira_qp.errors import CompilationError, OptionError, listed
+from maira_qp.arrays import check_callable, is_count, is_listing
+from maira_qp.errors import CompilationError, OptionError, listed, shown
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.targets import SEED_0, rows_of, streams
@@ -48,9 +49,10 @@ def compile(
     Raises `OptionError` for an unknown verb or no process, `CompilationError` where compiled code cannot be kept.
     """
     names = list(jobs(robot_or_solver, verbs))
-    count = processes if processes is not None else len(os.sched_getaffinity(0))
-    if count < 1:
-        raise OptionError(f"processes must be at least 1, not {processes}")
+    if processes is not None and not is_count(processes, 1):
+        raise OptionError(f"processes must be a whole number >= 1, got {shown(processes)}")
+    check_callable(progress, "progress", OptionError)
+    count = int(processes) if processes is not None else len(os.sched_getaffinity(0))
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return
     from maira_qp.kernels.jit import code_cache  # heavy: Numba comes with it
@@ -80,10 +82,14 @@ def compile(
 
 def jobs(robot_or_solver: Robot | Solver | None, verbs: Iterable[str]) -> Iterator[str]:
     """The names of the jobs for some verbs, the longest first. Raises `OptionError` for an unknown verb."""
+    if not isinstance(robot_or_solver, (Robot, Solver, type(None))):
+        raise OptionError(f"what is compiled for must be a Robot, a Solver or None, got {shown(robot_or_solver)}")
+    if not isinstance(verbs, str) and not is_listing(verbs):
+        raise OptionError(f"verbs must be a list of names, got {shown(verbs)}; {listed(VERBS)}")
     verbs = [verbs] if isinstance(verbs, str) else list(verbs)
     for verb in verbs:
-        if verb not in VERBS:
-            raise OptionError(f"no verb {verb!r} to compile; {listed(VERBS, verb)}")
+        if not isinstance(verb, str) or verb not in VERBS:
+            raise OptionError(f"no verb {shown(verb)} to compile; {listed(VERBS, verb)}")
     solver = robot_or_solver if isinstance(robot_or_solver, Solver) else None
     robot = robot_or_solver.robot if isinstance(robot_or_solver, Solver) else robot_or_solver
     is_srs = robot is None or (robot.is_chain and SRS.of(robot) is not None)

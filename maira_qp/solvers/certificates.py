@@ -9,18 +9,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from maira_qp.analytic.bounding_points import pivots, tool_points
+from maira_qp.analytic.joint_axes import screws
 from maira_qp.analytic.srs.arrays import srs_array
 from maira_qp.analytic.srs.geometry import SRS
 from maira_qp.analytic.srs.unreachability import swivel_proof
-from maira_qp.kernels.certificates.branch_and_bound import exclude
+from maira_qp.kernels.certificates.branch_and_bound import ORIENTATION, exclude
+from maira_qp.kernels.layout import Pivot
 from maira_qp.kernels.srs.swivel_intervals import FLOATS, INTEGERS, PIECES
 from maira_qp.kernels.srs.unreachability import POSSIBLE, verdicts
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.targets import Poses, row_of
 from maira_qp.problem.tasks.frame import FrameTask
-from maira_qp.results.certificate import BoxProof, Proof
+from maira_qp.results.certificate import TOO_FAR, TOO_NEAR, TURNED, BoxProof, Proof
 
 MOST_BOXES = 2000
 """Boxes of joint values that a proof may take: a few milliseconds."""
@@ -86,7 +89,22 @@ class Proofs:
         if not count:
             return None
         ends, tests = boxes[:count, : 2 * n].reshape(count, 2, n), boxes[:count, 2 * n :].astype(int)
-        return BoxProof(ends.copy(), tests, self.points[:, :3], self.pivots, self.problem.robot.joint_names)
+        sides = np.array([self._side(box, *test, target) for box, test in zip(ends, tests, strict=True)])
+        return BoxProof(ends.copy(), tests, sides, self.points[:, :3], self.pivots, self.problem.robot.joint_names)
+
+    def _side(self, box: np.ndarray, point: int, pivot: int, target: pin.SE3) -> int:
+        """How a test that rules out a box (2, n) does so.
+
+        The box is farther off as a whole, or nearer: its middle tells which.
+        """
+        robot, q = self.problem.robot, box.mean(axis=0)
+        if point == ORIENTATION or pivot == len(self.pivots):
+            return TURNED if point == ORIENTATION else TOO_FAR
+        origins, axes = screws(robot, q)
+        joint, along = int(self.pivots[pivot, Pivot.JOINT]), self.pivots[pivot, Pivot.ALONG]
+        wanted, there = (pose.act(self.points[point, :3]) for pose in (target, robot.forward(q)))
+        away = np.linalg.norm([wanted, there] - (origins[joint] + along * axes[joint]), axis=1)
+        return TOO_FAR if away[0] > away[1] else TOO_NEAR
 
     def _verdicts(self, rows: np.ndarray) -> np.ndarray:
         codes, pieces = np.empty(len(rows), np.int64), np.empty((8, PIECES, 3))

@@ -330,7 +330,7 @@ class Solver(Shown):
 
         Raises `OptionError` for another verb.
         """
-        if verb not in VERBS:
+        if not isinstance(verb, str) or verb not in VERBS:
             raise OptionError(f"no engine for {shown(verb)}; {listed(VERBS, verb)}")
         return self.engines.choice(verb, observe=observe, deadline=deadline, keep_direction=keep_direction)
 

@@ -58,8 +58,9 @@ MOST, FARTHEST_TURN = 1024, 64
 _TURN = 2 * np.pi
 _NEAR = 1e-9
 """A joint nearer [rad] to its seam is there, a spherical joint nearer to its singularity is singular."""
-_NARROW, _ROUNDING = 1e-3, 1e-14
-"""A joint that stays on its seam over a wider cell [rad] is there everywhere; closer cuts [rad] are the same."""
+_NARROW, _ROUNDING, _SPLIT = 1e-3, 1e-14, 1e-6
+"""A joint that stays on its seam over a wider cell [rad] is there everywhere; closer cuts [rad] are the same; and so are
+cuts this close to a singularity."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -89,20 +90,35 @@ class Arc(Shown):
 
     def _card(self) -> Card:
         names, ends = self.robot.joint_names, self.at(np.array([self.lower, self.upper]))
-        ranges = [f"{begin:.4f} .. {end:.4f}" for begin, end in ends.T]
+        ranges = [f"{begin:.4f}" if self.is_isolated else f"{begin:.4f} .. {end:.4f}" for begin, end in ends.T]
         branch = ", ".join(f"{part} {sign:+d}" for part, sign in self.branch._asdict().items())
         return Card(
-            title=f"Arc: psi {self.lower:.4f} .. {self.upper:.4f} rad; {branch}",
-            facts=(("joints from its lower to its upper end", "[rad]"),),
+            title=f"Arc: psi {self.in_words()}; {branch}",
+            facts=(("joints" if self.is_isolated else "joints from its lower to its upper end", "[rad]"),),
             entries=joint_entries(names, ranges),
-            headings=("joint", "from .. to [rad]", "whole turns"),
+            headings=("joint", "[rad]" if self.is_isolated else "from .. to [rad]", "whole turns"),
             rows=[(*each, str(turns)) for *each, turns in zip(names, ranges, self.turns, strict=True)],
         )
+
+    def in_words(self, digits: int = 4) -> str:
+        """Its swivel angles, with so many decimals."""
+        low, high = (f"{round(end, digits) + 0.0:.{digits}f}" for end in (self.lower, self.upper))  # no -0.0
+        return f"{low} rad, one configuration" if self.is_isolated else f"{low} .. {high} rad"
 
     @property
     def length(self) -> float:
         """[rad]; 0 for an isolated solution."""
         return self.upper - self.lower
+
+    @cached_property
+    def is_isolated(self) -> bool:
+        """It is one configuration, to 1e-6 rad: whichever way the elbow swivels, a joint leaves its limits."""
+        return self.length == 0 or (self.length <= _SPLIT and bool(np.ptp(self._sides, axis=0).max() <= _SPLIT))
+
+    @property
+    def _sides(self) -> np.ndarray:
+        """The configurations (3, 7) at both ends, and between."""
+        return self.at(np.array([self.lower, 0.5 * (self.lower + self.upper), self.upper]))
 
     def contains(self, psi: float) -> bool:
         """Whether psi [rad], or psi and some whole turns, is on the arc, its ends included."""
@@ -373,16 +389,35 @@ def _widths(cuts: np.ndarray) -> np.ndarray:
 
 
 def _distinct(srs: SRS, elbow: ElbowBranch, cuts: np.ndarray) -> np.ndarray:
-    """The cuts (k,), with one in the middle for those between which some joint does not leave its seam."""
+    """The cuts (k,), one in place of those between which some joint does not leave its seam, or those of a singularity.
+
+    It is in their middle, or at the singularity: a double root, which rounding splits by its own square root.
+    """
     widths = _widths(cuts)
+    singular = _singularities(srs, elbow)
+    close = (np.abs(wrapped(cuts[:, None] - singular)) < _SPLIT).any(axis=1)
     q = from_seam(srs, srs.evaluate(elbow, np.concatenate([cuts, cuts + 0.5 * widths])))
     start, middle = np.split(_is_at(srs, srs.lower, q, WITHIN), 2)
     stays = (start & middle & np.roll(start, -1, axis=0)).any(axis=(1, 2)) & (widths < _NARROW)
-    pinched = stays | (widths < _ROUNDING)
+    split = close & np.roll(close, -1) & (widths < 2 * _SPLIT)
+    pinched = stays | split | (widths < _ROUNDING)
     first, last = np.flatnonzero(~np.roll(pinched, 1)), np.flatnonzero(~pinched)
     last = np.roll(last, -1) if last[0] < first[0] else last
     half = 0.5 * np.mod(cuts[last] - cuts[first], _TURN)
-    return np.sort(-wrapped(-(cuts[first] + half)))
+    middles = -wrapped(-(cuts[first] + half))
+    for place in singular:
+        middles[np.abs(wrapped(middles - place)) < _SPLIT] = -wrapped(-place)
+    return np.unique(middles)
+
+
+def _singularities(srs: SRS, elbow: ElbowBranch) -> np.ndarray:
+    """Where (k,) [rad] the shoulder or the wrist is singular: a . R c is at an end of its range over the circle."""
+    found = [np.empty(0)]
+    for joint, circle in zip(srs.joints, (elbow.shoulder, elbow.wrist), strict=True):
+        apex = np.arctan2(joint.a @ circle.sine @ joint.c, joint.a @ circle.cosine @ joint.c)
+        both = np.array([apex, apex + np.pi])
+        found.append(both[joint.nearness(circle.at(both)) < _NEAR])
+    return np.concatenate(found)
 
 
 def _is_singular(srs: SRS, elbow: ElbowBranch, cuts: np.ndarray, within: float = _NEAR) -> np.ndarray:

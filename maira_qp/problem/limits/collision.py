@@ -93,7 +93,7 @@ class CollisionLimit(Limit):
             object.__setattr__(self, name, value)
         object.__setattr__(self, "obstacles", _named_obstacles(self.obstacles))
         object.__setattr__(self, "meshes", _directories(self.meshes))
-        if self.missing not in ("error", "ignore"):
+        if not isinstance(self.missing, str) or self.missing not in ("error", "ignore"):
             raise OptionError(f"missing of a CollisionLimit; {listed(('error', 'ignore'), self.missing)}")
         is_path = isinstance(self.allowed, (str, os.PathLike)) and self.allowed not in ALLOWED
         if is_path and not os.path.isfile(self.allowed):

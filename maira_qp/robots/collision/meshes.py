@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,7 +11,7 @@ from urllib.parse import unquote
 import coal
 import numpy as np
 
-from maira_qp.errors import OptionError
+from maira_qp.errors import OptionError, shown
 
 THICKNESS = 1e-6
 """What a flat mesh, and a shape of a URDF with a size of zero, is thickened by [m]: `coal` needs an inside."""
@@ -32,10 +33,11 @@ def find_mesh(filename: str | os.PathLike[str], directories: Iterable[str | os.P
     else:
         places = [folder / text for folder in folders] + [Path(text)]  # an absolute path stays what it is
     for place in places:
-        if place.is_file():
-            return place
+        with contextlib.suppress(OSError):  # a name that no file can have
+            if place.is_file():
+                return place
     sought = ", ".join(dict.fromkeys(map(str, places))) or "nowhere: no directories are given"
-    raise FileNotFoundError(f"the mesh {text!r} is not found; looked for: {sought}")
+    raise FileNotFoundError(f"the mesh {shown(text)} is not found; looked for: {sought:.1000}")
 
 
 def mesh_points(path: Path) -> np.ndarray:

@@ -12,7 +12,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.arrays import real_array
+from maira_qp.arrays import is_listing, real_array
 from maira_qp.errors import OptionError, shown
 from maira_qp.orientation import rigid
 from maira_qp.robots.collision.meshes import convex_hull, convex_solid, find_mesh, mesh_points
@@ -141,8 +141,8 @@ class Mesh(Shape):
 
     def __post_init__(self) -> None:
         self._check()
-        scale = np.full(3, self.scale) if np.ndim(self.scale) == 0 else self.scale
-        scale = real_array(scale, (3,), "scale of a Mesh", OptionError)
+        shape = (3,) if is_listing(self.scale) else ()
+        scale = np.broadcast_to(real_array(self.scale, shape, "scale of a Mesh", OptionError), (3,))
         if not scale.all():
             raise OptionError(f"scale of a Mesh must not be zero, got {scale.tolist()}")
         object.__setattr__(self, "scale", tuple(scale.tolist()))

@@ -53,9 +53,24 @@ class JointLimits:
         self._refuse(speed > self.velocity, "the velocity limit {} would loosen that of {}", speed, self.velocity)
         self._refuse(~(change > 0), "the acceleration limit must be positive, got {}", change)
         self._refuse(~((room >= 0) & (room < np.inf)), "the margin must be finite and not negative, got {}", room)
-        made = replace(self, lower=ends[0] + room, upper=ends[1] - room, velocity=speed, acceleration=change)
+        made = replace(self, lower=ends[0], upper=ends[1], velocity=speed, acceleration=change)
         made._check_ends()
-        return made
+        return made._within(room)
+
+    def _within(self, margin: np.ndarray) -> JointLimits:
+        """These, margins (n,) [rad, or m] taken off both ends. Raises `OptionError` that says the largest valid one."""
+        lower, upper = self.lower + margin, self.upper - margin
+        is_too_large = lower > upper
+        if is_too_large.any():
+            half = 0.5 * self.upper - 0.5 * self.lower
+            half = np.where(self.lower + half > self.upper - half, np.nextafter(half, 0.0), half)
+            narrowest = np.where(is_too_large, half, np.inf).argmin()  # what it allows, all allow
+            self._refuse(
+                np.arange(len(half)) == narrowest,
+                "the margin {} leaves nothing of its range of {} to {}; the largest that is valid is {}",
+                *(margin, self.lower, self.upper, half),
+            )
+        return replace(self, lower=lower, upper=upper)
 
     def released(self, limits: Iterable[str], distance: np.ndarray) -> JointLimits:
         """These, the named ones ("joint4 upper") moved outward by distances (n,) [rad, or m]. Raises `OptionError`."""

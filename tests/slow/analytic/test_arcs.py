@@ -313,6 +313,25 @@ def test_arcs_of_more_than_a_turn_reach_singular_poses_too(rng, limits):
             assert max(np.abs(pose_error(robot.forward(each), T)).max() for each in q) < 1e-7
 
 
+@pytest.mark.parametrize("name", ["maira", "iiwa14"])
+def test_an_arc_is_no_sliver_that_rounding_splits_off_another(arms, rng, name):
+    """Of joints on a grid of 45 degrees, where roots are double: what is as good as a point is on no other arc."""
+    robot, points = arms[name], 0
+    for _ in range(40):
+        q = robot.clip(np.round(robot.random_configuration(rng) / (PI / 4)) * PI / 4)
+        if abs(q[3]) < 0.1:
+            continue
+        found = arcs(SRS.of(robot), robot.forward(q))
+        for arc in [each for each in found if each.length < 1e-5]:
+            others = through([each for each in found if each is not arc], arc.lower)
+            assert np.abs(others - arc.at(arc.lower)).max(axis=1, initial=0.0).min(initial=1.0) > 1e-3
+            turned = np.ptp(arc.at(np.linspace(arc.lower, arc.upper, 9)), axis=0).max()
+            assert arc.is_isolated == (turned < 1e-6)
+            assert ("one configuration" in repr(arc)) == arc.is_isolated
+            points += arc.is_isolated
+    assert points > 3
+
+
 def test_where_turns_have_no_end_the_nearest_are_listed(rng):
     """Limits of 1e16 rad: as exact as others, and bounded."""
     endless, T = wide(-1e16, 1e16), wide(-3.0, 3.0).forward(rng.uniform(-2.5, 2.5, 7))

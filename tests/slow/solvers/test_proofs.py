@@ -12,7 +12,8 @@ import maira_qp as mq
 from maira_qp.analytic.bounding_points import tool_points
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.targets import pose_of, row_of
-from maira_qp.solvers.certificates import BoxProof, Proofs
+from maira_qp.results.certificate import TOO_FAR, TOO_NEAR, TURNED, BoxProof
+from maira_qp.solvers.certificates import Proofs
 
 TASKS = {"pose": mq.PoseTask(), "position": mq.PositionTask(), "orientation": mq.OrientationTask()}
 ROBOTS = ["maira", "panda", "ur5", "irb140", "kr210", "puma560", "scara", "gantry"]
@@ -58,12 +59,15 @@ def assert_proved(robot: mq.Robot, proof: BoxProof, target: pin.SE3) -> None:
     for i, a in enumerate(proof.boxes[:60]):
         for b in proof.boxes[:i]:
             assert not ((a[0] < b[1] - 1e-12) & (b[0] < a[1] - 1e-12))[moving].all()
-    for box, (point, pivot) in zip(proof.boxes[:200], proof.tests[:200], strict=True):
-        assert beyond(robot, proof, box, point, pivot, target) > 0
+    for box, (point, pivot), side in zip(proof.boxes[:200], proof.tests[:200], proof.sides, strict=False):
+        far, near, turned = beyond(robot, proof, box, point, pivot, target)
+        assert {TOO_FAR: far, TOO_NEAR: near, TURNED: turned}[side] > 0
 
 
-def beyond(robot: mq.Robot, proof: BoxProof, box: np.ndarray, point: int, pivot: int, target: pin.SE3) -> float:
-    """By how much [m or rad] the target is too far or too near for all of a box, by Pinocchio's kinematics."""
+def beyond(
+    robot: mq.Robot, proof: BoxProof, box: np.ndarray, point: int, pivot: int, target: pin.SE3
+) -> tuple[float, float, float]:
+    """By how much the target is too far [m], too near [m], or turned too far [rad] for all of a box, by Pinocchio."""
     q, h = box.mean(axis=0), 0.5 * (box[1] - box[0])
     J, data = [], robot.model.createData()
     pin.computeJointJacobians(robot.model, data, q)
@@ -74,7 +78,8 @@ def beyond(robot: mq.Robot, proof: BoxProof, box: np.ndarray, point: int, pivot:
     slides = [np.linalg.norm(angular) < 0.5 for _, angular, _ in J]
     tool = data.oMf[robot.frame_id(None)]
     if point < 0:
-        return np.linalg.norm(pin.log3(tool.rotation.T @ target.rotation)) - h[~np.array(slides)].sum() - 1e-6
+        angle = np.linalg.norm(pin.log3(tool.rotation.T @ target.rotation))
+        return -np.inf, -np.inf, angle - h[~np.array(slides)].sum() - 1e-6
 
     def moved(place: np.ndarray, joints: range) -> float:
         """How far a place may be moved by joints, the last one first."""
@@ -98,7 +103,8 @@ def beyond(robot: mq.Robot, proof: BoxProof, box: np.ndarray, point: int, pivot:
         paths = o + steps[:, None] * linear if slides[0] else origin + turned
     away = np.linalg.norm(paths - t, axis=1)
     slack = moved(o, range(1, joint)) + moved(p, range(joint + 1, robot.n)) + 1e-6
-    return max(away.min() - slack - np.linalg.norm(p - o), np.linalg.norm(p - o) - slack - away.max())
+    length = np.linalg.norm(p - o)
+    return away.min() - slack - length, length - slack - away.max(), -np.inf
 
 
 @pytest.mark.parametrize("task", TASKS)
@@ -140,6 +146,16 @@ def test_just_beyond_the_reach_of_an_arm_without_offsets_a_single_distance_tells
     far = proofs.proof({maira.tip: mq.pose([3.0, 0, 0])})
     assert len(far.boxes) == 1
     assert proofs.proof({maira.tip: maira.forward(np.full(7, 0.3))}) is None
+
+
+def test_a_proof_says_whether_the_target_is_too_far_or_too_near():
+    """In words, of an arm without a closed form: 50 m away, and beside the base where the bent elbow leaves a hole."""
+    robot = robot_named("scara")
+    bent = robot.limited(lower={"joint2": -0.5}, upper={"joint2": 0.5})
+    for arm, x, words in ((robot, 50.0, "it is too far from joint"), (bent, 0.05, "too near to")):
+        said = proofs_of(arm, "position").proof({arm.tip: mq.pose([x, 0.0, -0.1])}).words
+        assert words in said
+        assert ("far" in said) != ("near" in said)
 
 
 def test_nothing_is_claimed_where_nothing_is_known():

@@ -468,7 +468,7 @@ def test_everything_public_pickles(maira, rng):
         (lambda s: s.solve(np.zeros((4, 4))), PoseError, "last row"),
         (lambda s: s.solve(np.full((4, 4), np.nan)), PoseError, "finite"),
         (lambda s: s.solve(np.eye(3)), PoseError, "shape"),
-        (lambda s: s.solve("target"), PoseError, "real numbers"),
+        (lambda s: s.solve("target"), PoseError, "target must be a pose .*, not str"),
         (lambda s: s.solve({"hand": np.eye(4)}), FrameError, "tool0"),
         (lambda s: s.solve({}), PoseError, "'tool0' is missing"),
         (lambda s: s.solve(), PoseError, "need a target"),

@@ -267,7 +267,7 @@ def test_arguments_are_left_as_they_were():
 @pytest.mark.parametrize(
     ("change", "error", "says"),
     [
-        ({"point": [1.0, 2.0]}, PoseError, r"point must have shape \(3,\)"),
+        ({"point": [1.0, 2.0]}, PoseError, r"point must be real numbers of shape \(3,\)"),
         ({"point": [1.0, 2.0, np.nan]}, PoseError, "finite"),
         ({"q0": np.zeros((1, 7))}, ConfigurationError, "q0"),
         ({"step": 0.0}, OptionError, "step"),

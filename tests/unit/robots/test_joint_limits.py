@@ -182,30 +182,45 @@ def test_limits_set_twice_are_those_of_both(maira):
         ({"acceleration": [1, 2, -3, 4, 5, 6, 7]}, "joint 'joint3': the acceleration limit must be positive"),
         ({"margin": -0.1}, "joint 'joint1': the margin must be finite and not negative, got -0.1"),
         ({"margin": {"joint4": inf}}, "joint 'joint4': the margin must be finite and not negative, got inf"),
-        ({"margin": 2.5}, r"joint 'joint2': the limits 0\.4\d* > -0\.4\d* are inverted"),
+        ({"margin": 2.5}, r"joint 'joint2': the margin 2\.5 .* the largest that is valid is 2\.09439"),
+        ({"margin": {"joint4": 9}}, r"joint 'joint4': the margin 9\.0 .* the largest that is valid is"),
+        ({"margin": 2, "upper": {"joint3": 0}}, r"'joint3': the margin 2\.0 .* of -3\.14\d* to 0\.0; .* is 1\.5707"),
         ({"lower": 1, "upper": {"joint7": 0.5}}, r"joint 'joint7': the limits 1.0 > 0.5 are inverted"),
         ({"lower": {"joint4": 3}}, "joint 'joint4': the limits 3.0 > .* are inverted"),
         ({"lower": {"joint4": inf}}, "joint 'joint4': the limits inf > .* are inverted"),
         ({"upper": {"joint4": -inf}}, "joint 'joint4': the limits .* > -inf are inverted"),
         ({"lower": {"joint_3": 0}}, "lower: 'joint_3' is not a joint .*; did you mean 'joint3'. valid names: joint1, "),
         ({"margin": {3: 0}}, "margin: 3 is not a joint"),
-        ({"lower": nan}, "lower must be finite"),
-        ({"upper": {"joint1": nan}}, "upper of joint 'joint1' must be finite"),
-        ({"velocity": [1] * 6 + [nan]}, "velocity must be finite"),
-        ({"acceleration": nan}, "acceleration must be finite"),
-        ({"margin": nan}, "margin must be finite"),
-        ({"velocity": [1, 2]}, r"velocity must have shape \(7,\), not \(2,\)"),
-        ({"velocity": [[1] * 7]}, r"must have shape \(7,\)"),
-        ({"velocity": {"joint1": [1]}}, r"velocity of joint 'joint1' must have shape \(\), not \(1,\)"),
-        ({"velocity": "1"}, "velocity must hold real numbers"),
-        ({"velocity": True}, "velocity must hold real numbers"),
-        ({"velocity": {"joint1": None}}, "velocity of joint 'joint1' must hold real numbers"),
-        ({"velocity": object()}, "velocity must hold real numbers"),
+        ({"lower": nan}, "lower must not be NaN"),
+        ({"upper": {"joint1": nan}}, "upper of joint 'joint1' must not be NaN"),
+        ({"velocity": [1] * 6 + [nan]}, "velocity must not be NaN"),
+        ({"acceleration": nan}, "acceleration must not be NaN"),
+        ({"margin": nan}, "margin must not be NaN"),
+        ({"velocity": [1, 2]}, r"velocity must be real numbers of shape \(7,\), not list of shape \(2,\)"),
+        ({"velocity": [[1] * 7]}, r"of shape \(7,\), not list of shape \(1, 7\)"),
+        ({"velocity": {"joint1": [1]}}, r"velocity of joint 'joint1' must be a real number, not list"),
+        ({"velocity": "1"}, "velocity must be a real number, not str: '1'"),
+        ({"velocity": True}, "velocity must be a real number, not bool: True"),
+        ({"velocity": {"joint1": None}}, "velocity of joint 'joint1' must be a real number, not NoneType"),
+        ({"velocity": object()}, "velocity must be real numbers .* not object: <object object at"),
     ],
 )
 def test_limits_that_would_loosen_or_make_no_sense_are_refused(maira, wish, message):
     with pytest.raises(OptionError, match=message):
         maira.limited(**wish)
+
+
+@pytest.mark.parametrize("joint", ["joint1", "joint3", "joint4"])
+def test_the_largest_margin_that_a_message_names_is_taken(maira, joint):
+    """One that leaves a single angle, and none beyond it."""
+    ends = {"lower": {joint: -1.1}, "upper": {joint: 0.3}}
+    with pytest.raises(OptionError, match=f"{joint}.* the largest that is valid is") as told:
+        maira.limited(margin=3.0, **ends)
+    largest = float(str(told.value).rsplit(" ", 1)[1])
+    taken, i = maira.limited(margin=largest, **ends), maira.joint_names.index(joint)
+    assert taken.upper[i] - taken.lower[i] < 1e-12
+    with pytest.raises(OptionError, match=joint):
+        maira.limited(margin=largest + 1e-12, **ends)
 
 
 def test_limits_too_wide_to_have_a_size_are_refused(hand):

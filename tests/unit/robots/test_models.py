@@ -233,7 +233,7 @@ def test_tool_frames_can_be_tips(rng):
         ({"limits": {"j1": (nan, 0)}}, OptionError, "finite"),
         ({"limits": "j1"}, OptionError, "mapping"),
         ({"acceleration": -1}, OptionError, "acceleration limit must be positive"),
-        ({"acceleration": [1, 2]}, OptionError, "acceleration must have shape"),
+        ({"acceleration": [1, 2]}, OptionError, "acceleration must be real numbers of shape"),
         ({"name": " "}, RobotError, "name must be text"),
         ({"mimic": {"j1": ("j2", 1.0, 0.0)}}, RobotError, "'j1' mimics 'j2', which must .* come before it"),
         ({"mimic": {"j2": ("j9", 1.0, 0.0)}}, RobotError, "'j9' is not a joint"),

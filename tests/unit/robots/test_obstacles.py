@@ -137,7 +137,7 @@ def test_flat_mesh_is_thickened(rng, flatness):
         (lambda: Sphere(-0.1), "radius of a Sphere must be positive"),
         (lambda: Sphere(0), "must be positive"),
         (lambda: Sphere(np.nan), "must be finite"),
-        (lambda: Sphere("0.1"), "real numbers"),
+        (lambda: Sphere("0.1"), "radius of a Sphere must be a real number, not str"),
         (lambda: Box([1, 2]), "shape"),
         (lambda: Box([1, 2, -3]), "must be positive"),
         (lambda: Capsule(0.1, np.inf), "must be finite"),

@@ -202,7 +202,7 @@ def test_limits_given_at_load_take_the_place_of_those_in_the_text():
     [
         ({"no": (0, 1)}, "limits: 'no' is not a joint that moves; .*valid names: ab, bc"),
         ({"ab": (1, 0)}, "inverted"),
-        ({"ab": 1}, "must have shape"),
+        ({"ab": 1}, "not the one number 1"),
         ({"ab": (0, math.inf)}, "must be finite"),
         ({"ab": (-1e300, 1e300)}, "too large"),
         ({None: (0, 1)}, "None is not a joint"),
