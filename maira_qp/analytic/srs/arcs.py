@@ -59,8 +59,8 @@ _TURN = 2 * np.pi
 _NEAR = 1e-9
 """A joint nearer [rad] to its seam is there, a spherical joint nearer to its singularity is singular."""
 _NARROW, _ROUNDING, _SPLIT = 1e-3, 1e-14, 1e-6
-"""A joint that stays on its seam over a wider cell [rad] is there everywhere; closer cuts [rad] are the same; and so are
-cuts this close to a singularity."""
+"""A joint that stays on its seam over a wider cell [rad] is there everywhere; cuts closer to each other [rad], or to a
+singularity, are the same."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
