@@ -19,7 +19,7 @@ from maira_qp.evaluation.report import table_of
 from maira_qp.evaluation.runner import judge_of
 from maira_qp.evaluation.targets import TargetSource
 from maira_qp.kernels.layout import Outcome
-from maira_qp.kernels.srs.swivel_intervals import FLOATS, INTEGERS, PIECES
+from maira_qp.kernels.srs.swivel_intervals import INTERVALS, PIECES
 from maira_qp.kernels.srs.unreachability import POSSIBLE, verdicts
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.closed_form import reach_in_closed_form
@@ -64,7 +64,7 @@ def main(settings: Settings) -> None:
 def judged(robot: mq.Robot, rows: np.ndarray, options: mq.Options) -> tuple[np.ndarray, float]:
     """Verdicts (N,), and how long one took [us]."""
     arm, codes, pieces = srs_array(known(robot)), np.empty(len(rows), np.int64), np.empty((8, PIECES, 3))
-    tolerances, memory = (options.position_tolerance, options.orientation_tolerance), (np.empty(FLOATS), integers())
+    tolerances, memory = (options.position_tolerance, options.orientation_tolerance), INTERVALS.empty()
     verdicts(arm, rows[:1], *tolerances, *memory, pieces, codes[:1])
     begin = perf_counter()
     verdicts(arm, rows, *tolerances, *memory, pieces, codes)
@@ -93,11 +93,6 @@ def known(robot: mq.Robot) -> SRS:
     srs = SRS.of(robot)
     assert srs is not None
     return srs
-
-
-def integers() -> np.ndarray:
-    """Memory for the kernels."""
-    return np.empty(INTEGERS, np.int64)
 
 
 if __name__ == "__main__":

@@ -273,10 +273,10 @@ class CriticalArc(Columns):
 
 
 class SeedLanes(Columns):
-    """Rows of `lanes` in `srs.posture_seed`, a number a lane; the last three together hold the posture (2, 3, 3)."""
+    """Rows of `lanes` in `srs.posture_seed`, a number a lane."""
 
-    COSINE, SINE, LEAST, CHOICE, POSTURE = 0, 1, 2, 3, 4
-    WIDTH = 7
+    COSINE, SINE, LEAST, CHOICE = 0, 1, 2, 3
+    WIDTH = 4
 
 
 class Davenport(Columns):

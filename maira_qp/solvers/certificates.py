@@ -18,7 +18,7 @@ from maira_qp.analytic.srs.geometry import SRS
 from maira_qp.analytic.srs.unreachability import swivel_proof
 from maira_qp.kernels.certificates.branch_and_bound import ORIENTATION, exclude
 from maira_qp.kernels.layout import Pivot
-from maira_qp.kernels.srs.swivel_intervals import FLOATS, INTEGERS, PIECES
+from maira_qp.kernels.srs.swivel_intervals import INTERVALS, PIECES
 from maira_qp.kernels.srs.unreachability import POSSIBLE, verdicts
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.targets import Poses, row_of
@@ -108,9 +108,8 @@ class Proofs:
 
     def _verdicts(self, rows: np.ndarray) -> np.ndarray:
         codes, pieces = np.empty(len(rows), np.int64), np.empty((8, PIECES, 3))
-        floats, integers = np.empty(FLOATS), np.empty(INTEGERS, np.int64)
         near, turn = self.problem.options.position_tolerance, self.problem.options.orientation_tolerance
-        verdicts(self.srs, rows, near, turn, floats, integers, pieces, codes)
+        verdicts(self.srs, rows, near, turn, *INTERVALS.empty(), pieces, codes)
         return codes
 
     def _excluded(self, rows: np.ndarray, boxes: np.ndarray) -> np.ndarray:

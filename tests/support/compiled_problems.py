@@ -1,16 +1,17 @@
 """What the tests of the kernels share: robots, the arrays of a problem, and work to do it in."""
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 from numba import config
 
 import maira_qp as mq
-from maira_qp.kernels.jit.simd import LANES
-from maira_qp.kernels.layout import Descent, Outcome
-from maira_qp.kernels.search.levenberg_marquardt import Lanes
-from maira_qp.kernels.search.multi_start import memory_sizes, search
+from maira_qp.kernels.jit.arena import Arena
+from maira_qp.kernels.layout import Outcome
+from maira_qp.kernels.search.levenberg_marquardt import LANES_ARENA
+from maira_qp.kernels.search.multi_start import SEARCH, search
 from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.solvers.compiled.engine import Compiled
 from support.robots import load
@@ -72,14 +73,19 @@ def kinematic_work(n: int, *lanes: int) -> tuple[np.ndarray, ...]:
     return tuple(np.full((*shape, *lanes), np.nan) for shape in shapes)
 
 
-def descents(n: int) -> Lanes:
+def rubbish(arena: Arena, *dimensions: int) -> tuple[np.ndarray, ...]:
+    """The memories of an arena, which hold numbers that nobody may read."""
+    memories = arena.empty(*dimensions)
+    for memory in memories:
+        memory.fill(np.nan if memory.dtype == float else -(2**62))
+    return memories
+
+
+def descents(n: int) -> Any:
     """Eight descents of a chain of n joints, none of them begun."""
-    vectors = {"target": 12, "goal": 12, "tool": 12, "e": 6}
-    vectors |= dict.fromkeys(("q", "trial", "c", "diagonal", "lower", "upper", "side", "dq"), n)
-    blocks = {"axes": (n, 3), "origins": (n, 3), "J": (n, 6), "H": (n, n), "A": (n, n)}
-    arrays = {key: np.full((length, LANES), np.nan) for key, length in vectors.items()}
-    arrays |= {key: np.full((*shape, LANES), np.nan) for key, shape in blocks.items()}
-    return Lanes(state=np.ones((Descent.WIDTH, LANES)), **arrays)
+    lanes = LANES_ARENA.plain(n, *rubbish(LANES_ARENA, n))
+    lanes.state.fill(1.0)
+    return lanes
 
 
 def search_for(
@@ -90,13 +96,12 @@ def search_for(
     shuffled: bool = False,
     first: int = 0,
     last: int | None = None,
-    memory: tuple[np.ndarray, np.ndarray] | None = None,
+    memory: tuple[np.ndarray, ...] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """q (N, n) and outcomes (N, 9) of the kernel `search` for the targets (N, 12), in memory that holds rubbish."""
     n, last = problem.robot.n, problem.last_attempt if last is None else last
     streams = np.arange(len(rows), dtype=np.uint64) if streams is None else streams
-    sizes = memory_sizes(n, last - first + 1)
-    floats, integers = memory or (np.full(sizes[0], np.nan), np.full(sizes[1], -(2**62)))
+    memory = memory or rubbish(SEARCH, n, last - first + 1)
     q, outcome = np.full((len(rows), n), np.nan), np.full((len(rows), Outcome.WIDTH), np.nan)
     search(
         problem.chain,
@@ -110,8 +115,7 @@ def search_for(
         streams,
         first,
         last,
-        floats,
-        integers,
+        *memory,
         q,
         outcome,
     )

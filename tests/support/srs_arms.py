@@ -11,10 +11,10 @@ import maira_qp as mq
 from maira_qp.analytic.srs.arrays import srs_array
 from maira_qp.analytic.srs.geometry import SRS
 from maira_qp.kernels.srs.feasible_configuration import start
-from maira_qp.kernels.srs.swivel_intervals import ARCS, CRITICAL, FLOATS, INTEGERS, PIECES, Work
+from maira_qp.kernels.srs.swivel_intervals import INTERVALS, PIECES
 from maira_qp.kernels.srs.unreachability import verdicts
 from maira_qp.orientation import pose_error
-from support.compiled_problems import row_of
+from support.compiled_problems import row_of, rubbish
 from support.robots import urdf_file
 
 PI = np.pi
@@ -65,9 +65,9 @@ def prepared(robot: mq.Robot) -> Arm:
     return Arm(robot, srs, srs_array(srs))
 
 
-def memory() -> tuple[np.ndarray, np.ndarray]:
+def memory() -> tuple[np.ndarray, ...]:
     """Floats and integers to work in, which hold rubbish."""
-    return np.full(FLOATS, np.nan), np.full(INTEGERS, -(2**62))
+    return rubbish(INTERVALS)
 
 
 def codes_of(arm: Arm, poses: np.ndarray, position: float = 1e-6, orientation: float = 1e-6) -> np.ndarray:
@@ -80,8 +80,7 @@ def codes_of(arm: Arm, poses: np.ndarray, position: float = 1e-6, orientation: f
 def starts_of(arm: Arm, poses: np.ndarray, offset: float = 0.3) -> tuple[np.ndarray, np.ndarray]:
     """Configurations (N, 7) for poses (N, 4, 4), and which were found (N,)."""
     q, found, rows = np.full((len(poses), 7), np.nan), np.zeros(len(poses), bool), np.array([row_of(T) for T in poses])
-    floats = (np.full(shape, np.nan) for shape in ((2, 9), (2, 2, 15), (CRITICAL, 4), (2, 2, ARCS, 3)))
-    work = Work(*floats, np.full((2, 2), -(2**62)))
+    work = INTERVALS.plain(*memory())
     for k, row in enumerate(rows):
         found[k] = start(arm.array, row, offset, work, q[k])
     return q, found

@@ -110,8 +110,8 @@ def swivel_proof(
     T = checked_pose(T)
     row = np.concatenate([T[:3, :3].ravel(), T[:3, 3]])[None]
     pieces, codes = np.empty((len(BRANCHES), blocked.PIECES, 3)), np.empty(1, np.int64)
-    floats, integers = np.empty(blocked.FLOATS), np.empty(blocked.INTEGERS, np.int64)
-    verdict.verdicts(srs_array(srs), row, position_tolerance, orientation_tolerance, floats, integers, pieces, codes)
+    memory = blocked.INTERVALS.empty()
+    verdict.verdicts(srs_array(srs), row, position_tolerance, orientation_tolerance, *memory, pieces, codes)
     code = int(codes[0])
     if code == verdict.POSSIBLE:
         return None

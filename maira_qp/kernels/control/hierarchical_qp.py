@@ -71,7 +71,7 @@ def solve_each_level(objectives, share, work):
             descend(M, b, k, Z, work.saddle[level], A, V, z)
         else:
             make_positive(M, k, A, V)
-        solve_row_qp(M, b, k, Z, low, high, work.row_memory, work.row_index, z, part)
+        solve_row_qp(M, b, k, Z, low, high, work.row_qp, work.row_qp_index, z, part)
         worth = _worth(H[level], mu[level], g, part, work.still[level]) if work.still[level] > 0.0 else 1.0
         for i in range(n):
             dq[i] += worth * part[i]

@@ -15,7 +15,7 @@ from maira_qp.kernels.control.level_models import (
     row_errors,
 )
 from maira_qp.kernels.control.residual import add_bent_directions, find_residual
-from maira_qp.kernels.control.step_workspace import make_work
+from maira_qp.kernels.control.step_workspace import carve_step_work
 from maira_qp.kernels.jit.decorators import bare_kernel, inner_kernel
 from maira_qp.kernels.layout import Joint, Level, Place, Step, TaskRow
 from maira_qp.kernels.search.levenberg_marquardt import squares
@@ -39,10 +39,10 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
     position and orientation, and the status. Returns what is wrong with a target, see `rigid`, `TOO_FAR`, or
     `BAD_CONFIGURATION`; then nothing is done.
 
-    See `levels` and `tree` for the problem; memory and index are as long as `memory_sizes` says.
+    See `levels` and `tree` for the problem; memory and index are as long as `STEP_WORK` says.
     """
     n = len(q)
-    work = make_work(n, len(tasks), int(numbers[Step.ROWS]), len(objectives), memory, index)
+    work = carve_step_work(n, len(tasks), int(numbers[Step.ROWS]), len(objectives), memory, index)
     for i in range(n):
         if not (abs(q[i]) <= FARTHEST_START and abs(velocity[i]) < math.inf):
             return BAD_CONFIGURATION

@@ -12,10 +12,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from maira_qp.kernels.jit.arena import Arena
 from maira_qp.kernels.jit.decorators import bare_kernel, kernel
 from maira_qp.kernels.jit.simd import full, load, load2, store, store2
 from maira_qp.kernels.jit.simd_trig import sine_cosine
 from maira_qp.kernels.layout import Joint
+
+KINEMATICS = Arena("Kinematics", "n", floats={"axes": "n, 3", "origins": "n, 3", "tool": "12", "e": "6"})
+"""Of one configuration of n joints, and its pose error."""
+Kinematics, carve_kinematics = KINEMATICS.Arrays, KINEMATICS.carve
 
 
 @bare_kernel

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from maira_qp.kernels.jit.arena import Arena
 from maira_qp.kernels.jit.decorators import bare_kernel
 from maira_qp.kernels.layout import Side
 from maira_qp.kernels.linalg.ldl import factor_ldl, solve_ldl
@@ -23,21 +24,28 @@ PARALLEL = 1e-12
 WRONG = 1e-13
 """A multiplier has the wrong sign if by more than this share of the gradient's size."""
 
+ROW_QP = Arena(
+    "RowQP",
+    "n",
+    floats={**dict.fromkeys(("Bt", "Y", "M", "F"), "n, n"), **dict.fromkeys(("tau", "g", "step", "v"), "n")},
+    integers=dict.fromkeys(("order", "rows", "sides"), "n"),
+)
+"""Work of a QP of n rows."""
+RowQP, carve_row_qp = ROW_QP.Arrays, ROW_QP.carve
+
 
 @bare_kernel
-def solve_row_qp(H, c, k, Z, lower, upper, memory, index, z, x):
+def solve_row_qp(H, c, k, Z, lower, upper, floats, integers, z, x):
     """The solution into z (k,) and x = Z z (n,). False if H is not positive, or after too many passes.
 
     Where it is False, z is feasible and no worse than zero all the same. H, c, Z and z may be larger than k. Work, for
-    more than one variable: memory (4 n + 4, n) and, of int64, index (3, n).
+    more than one variable: floats and integers as long as `ROW_QP` says.
     """
     if k == 1:
         _clamp(H, c, Z, lower, upper, z, x)
         return True
     n = len(x)
-    Bt, Y, M, F = memory[:n], memory[n : 2 * n], memory[2 * n : 3 * n], memory[3 * n : 4 * n]
-    tau, g, step, v = memory[4 * n], memory[4 * n + 1], memory[4 * n + 2], memory[4 * n + 3]
-    order, rows, sides = index[0], index[1], index[2]
+    Bt, Y, M, F, tau, g, step, v, order, rows, sides = carve_row_qp(n, floats, integers)
     if not factor_ldl(H, k, 0.0, F):
         return False
     for p in range(k):

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from maira_qp.kernels.jit.arena import Arena
 from maira_qp.kernels.jit.decorators import kernel
 from maira_qp.kernels.jit.simd import LANES
 from maira_qp.kernels.refinement.newton_simd import newton_in_lanes
 from maira_qp.kernels.refinement.null_space_sqp import tell
 from maira_qp.kernels.refinement.weighted_sum import trade_off
 from maira_qp.kernels.refinement.workspace import make_workspace
-from maira_qp.kernels.search.levenberg_marquardt import lanes_memory, pose_cost
+from maira_qp.kernels.search.levenberg_marquardt import LANES_ARENA, pose_cost
+
+NEWTON = Arena("NewtonWork", "n", floats={"lanes": LANES_ARENA.floats}, integers={"lane_of": f"{LANES}"})
+"""Work of `newton_in_lanes`."""
+NewtonWork, make_newton = NEWTON.Arrays, NEWTON.make
 
 
 @kernel
@@ -22,11 +27,10 @@ def nearest_points(chain, settings, targets, reference, weights, tolerance, most
     targets (N, 12); the objective `1/2 sum_i w_i (q_i - ref_i)^2` is told, and moves nothing.
     """
     n = q.shape[1]
-    work, nothing = make_workspace(n), np.zeros(n)
-    floats, lane_of = np.empty(lanes_memory(n)), np.empty(LANES, np.int64)
+    work, nothing, own = make_workspace(n), np.zeros(n), make_newton(n)
     left, steps = np.full(len(q), np.inf), np.zeros(len(q), np.int64)
     if most > 0:
-        newton_in_lanes(chain, settings, targets, 1, tolerance, floats, lane_of, q, left, steps)
+        newton_in_lanes(chain, settings, targets, 1, tolerance, own.lanes, own.lane_of, q, left, steps)
     for k in range(len(q)):
         if left[k] <= tolerance:
             pose_cost(chain, settings, targets[k], q[k], work.axes, work.origins, work.tool, work.e)

@@ -31,7 +31,7 @@ def newton_in_lanes(chain, settings, targets, starts, tolerance, floats, lane_of
 
     In place; q that are NaN are left out. `left` (N starts,) becomes the largest entry of the gradient that the limits
     leave, in units of the error where that is above 1, and `steps` of int64 how many were taken. Memory: floats
-    (`lanes_memory(n)`,) and, of int64, lane_of (LANES,).
+    of `LANES_ARENA` and, of int64, lane_of (LANES,).
     """
     n, opened, lanes = q.shape[1], 0, make_lanes(q.shape[1], floats)
     state = lanes.state

@@ -180,8 +180,8 @@ def _projected_gradient(chain, settings, reference, weights, work, q):
         work.origins,
         work.tool,
         work.locked,
-        work.memory,
-        work.index,
+        work.row_qp,
+        work.row_qp_index,
     )
     n = len(q)
     jacobian(chain, axes, origins, tool, J)
@@ -214,7 +214,7 @@ def _step(chain, settings, weights, k, radius, work, q):
     J, At, tau, order, joints, locked, held = work.J, work.At, work.tau, work.order, work.joints, work.locked, work.held
     x, g, c, ahead = work.x, work.g, work.c, work.ahead
     lower, upper, H, M, Z, A, V = work.lower, work.upper, work.H, work.M, work.Z, work.A, work.V
-    memory, index, z, dq = work.memory, work.index, work.z, work.dq
+    memory, index, z, dq = work.row_qp, work.row_qp_index, work.z, work.dq
     n, count, longest, differ = len(q), 0, 0.0, False
     for i in range(n):
         count += not locked[i]

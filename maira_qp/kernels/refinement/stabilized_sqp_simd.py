@@ -20,10 +20,10 @@ pose leave free of that of f. What few walks prove none are left to `kernels.ref
 from __future__ import annotations
 
 import math
-from collections import namedtuple
 
 import numpy as np
 
+from maira_qp.kernels.jit.arena import Arena
 from maira_qp.kernels.jit.decorators import bare_kernel, kernel
 from maira_qp.kernels.jit.simd import LANES, full, least, load, load2, most, select, size, store, store2
 from maira_qp.kernels.kinematics.serial_chain import jacobian
@@ -54,54 +54,30 @@ FIRST_DAMPING, MORE_DAMPING, LESS_DAMPING, LEAST_DAMPING = 1.0, 4.0, 0.1, 0.1
 it is 0."""
 
 
-Walks = namedtuple(
+WALKS = Arena(
     "Walks",
-    (
-        *("state", "target", "tool", "e", "ahead_e", "y", "ahead_y", "weighted"),
-        *("q", "ahead", "slope", "ahead_slope", "c", "lower", "upper", "side", "dq"),  # (n, LANES)
-        *("axes", "origins", "J", "ahead_J", "H", "A"),
-    ),
+    "n",
+    lanes=True,
+    floats={
+        "state": f"{Walk.WIDTH}",
+        **dict.fromkeys(("target", "tool"), "12"),
+        **dict.fromkeys(("e", "ahead_e", "y", "ahead_y", "weighted"), "6"),
+        **dict.fromkeys(("q", "ahead", "slope", "ahead_slope", "c", "lower", "upper", "side", "dq"), "n"),
+        **dict.fromkeys(("axes", "origins"), "n, 3"),
+        **dict.fromkeys(("J", "ahead_J"), "n, 6"),
+        **dict.fromkeys(("H", "A"), "n, n"),
+    },
 )
-"""All arrays of eight walks, the lane their last axis; `slope` is the gradient of the Lagrangian, `ahead` a trial."""
+"""All arrays of eight walks of a chain of n joints; `slope` is the gradient of the Lagrangian, `ahead` a trial."""
+Walks, _zero_walks = WALKS.Arrays, WALKS.make
 
 
 @kernel
 def make_walks(n):
-    """Eight walks of a chain of n joints, all of them ended."""
-    memory = np.zeros((Walk.WIDTH + 54 + n * (27 + 2 * n) + 1) * LANES)  # lanes that never begin stand still
-    memory = memory[(-memory.ctypes.data // 8) % LANES :]  # a row is one line of the cache
-    small, memory = memory[: (Walk.WIDTH + 54) * LANES].reshape(-1, LANES), memory[(Walk.WIDTH + 54) * LANES :]
-    vectors, memory = memory[: 9 * n * LANES].reshape(9, n, LANES), memory[9 * n * LANES :]
-    lines, memory = memory[: 6 * n * LANES].reshape(2, n, 3, LANES), memory[6 * n * LANES :]
-    jacobians, memory = memory[: 12 * n * LANES].reshape(2, n, 6, LANES), memory[12 * n * LANES :]
-    squares = memory[: 2 * n * n * LANES].reshape(2, n, n, LANES)
-    state = small[: Walk.WIDTH]
-    store(state, Walk.ENDED, 1.0)
-    return Walks(
-        state,
-        small[Walk.WIDTH : Walk.WIDTH + 12],
-        small[Walk.WIDTH + 12 : Walk.WIDTH + 24],
-        small[Walk.WIDTH + 24 : Walk.WIDTH + 30],
-        small[Walk.WIDTH + 30 : Walk.WIDTH + 36],
-        small[Walk.WIDTH + 36 : Walk.WIDTH + 42],
-        small[Walk.WIDTH + 42 : Walk.WIDTH + 48],
-        small[Walk.WIDTH + 48 : Walk.WIDTH + 54],
-        vectors[0],
-        vectors[1],
-        vectors[2],
-        vectors[3],
-        vectors[4],
-        vectors[5],
-        vectors[6],
-        vectors[7],
-        vectors[8],
-        lines[0],
-        lines[1],
-        jacobians[0],
-        jacobians[1],
-        squares[0],
-        squares[1],
-    )
+    """Eight walks, all of them ended; those that never begin stand still at zero."""
+    walks = _zero_walks(n)
+    store(walks.state, Walk.ENDED, 1.0)
+    return walks
 
 
 @kernel

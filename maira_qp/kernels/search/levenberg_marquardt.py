@@ -8,57 +8,38 @@ together, one iteration a call of `advance`; a lane that has ended is given a ne
 
 from __future__ import annotations
 
-from collections import namedtuple
-
 import numpy as np
 
+from maira_qp.kernels.jit.arena import Arena
 from maira_qp.kernels.jit.decorators import bare_kernel
-from maira_qp.kernels.jit.simd import LANES, any_lane, full, least, load, load2, most, select, store, store2
+from maira_qp.kernels.jit.simd import any_lane, full, least, load, load2, most, select, store, store2
 from maira_qp.kernels.kinematics.serial_chain import forward, jacobian
 from maira_qp.kernels.layout import Descent, Joint, Setting
 from maira_qp.kernels.qp.box_qp_simd import solve_box_qps
 from maira_qp.kernels.spatial.pose_error import pose_error
 
-Lanes = namedtuple("Lanes", "state target goal tool e q trial c diagonal lower upper side dq axes origins J H A")
-"""All arrays of eight descents, the lane their last axis: the state of each, its q (n,) and target (12,), and
-work."""
+LANES_ARENA = Arena(
+    "Lanes",
+    "n",
+    lanes=True,
+    floats={
+        "state": f"{Descent.WIDTH}",
+        **dict.fromkeys(("target", "goal", "tool"), "12"),
+        "e": "6",
+        **dict.fromkeys(("q", "trial", "c", "diagonal", "lower", "upper", "side", "dq"), "n"),
+        **dict.fromkeys(("axes", "origins"), "n, 3"),
+        "J": "n, 6",
+        **dict.fromkeys(("H", "A"), "n, n"),
+    },
+)
+"""All arrays of eight descents of a chain of n joints: the state of each, its q and target, and work."""
+Lanes, carve_lanes = LANES_ARENA.Arrays, LANES_ARENA.carve
 
 
 @bare_kernel
-def lanes_memory(n):
-    """How many numbers `make_lanes` needs."""
-    return (Descent.WIDTH + 42 + n * (20 + 2 * n) + 1) * LANES
-
-
-@bare_kernel
-def make_lanes(n, memory):
-    """Eight descents of a chain of n joints, all of them ended, in the memory (lanes_memory(n),)."""
-    memory = memory[(-memory.ctypes.data // 8) % LANES :]  # a row is one line of the cache
-    small, memory = memory[: (Descent.WIDTH + 42) * LANES].reshape(-1, LANES), memory[(Descent.WIDTH + 42) * LANES :]
-    vectors, memory = memory[: 8 * n * LANES].reshape(8, n, LANES), memory[8 * n * LANES :]
-    lines, memory = memory[: 6 * n * LANES].reshape(2, n, 3, LANES), memory[6 * n * LANES :]
-    J, memory = memory[: 6 * n * LANES].reshape(n, 6, LANES), memory[6 * n * LANES :]
-    squares = memory[: 2 * n * n * LANES].reshape(2, n, n, LANES)
-    lanes = Lanes(
-        small[: Descent.WIDTH],
-        small[Descent.WIDTH : Descent.WIDTH + 12],
-        small[Descent.WIDTH + 12 : Descent.WIDTH + 24],
-        small[Descent.WIDTH + 24 : Descent.WIDTH + 36],
-        small[Descent.WIDTH + 36 :],
-        vectors[0],
-        vectors[1],
-        vectors[2],
-        vectors[3],
-        vectors[4],
-        vectors[5],
-        vectors[6],
-        vectors[7],
-        lines[0],
-        lines[1],
-        J,
-        squares[0],
-        squares[1],
-    )
+def make_lanes(n, floats):
+    """Eight descents, all of them ended, in memory as long as `LANES_ARENA` says."""
+    lanes = carve_lanes(n, floats)
     store(lanes.state, Descent.ENDED, 1.0)
     return lanes
 

@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from maira_qp.kernels.jit.arena import Arena
 from maira_qp.kernels.jit.decorators import bare_kernel
 from maira_qp.kernels.jit.simd import LANES, any_lane, load
 from maira_qp.kernels.kinematics.unwrap import nearest_turn
 from maira_qp.kernels.layout import Descent, Joint, Lane, Outcome, Setting, Slot, SlotBest
-from maira_qp.kernels.search.levenberg_marquardt import advance, begin, lanes_memory, make_lanes
+from maira_qp.kernels.search.levenberg_marquardt import LANES_ARENA, advance, begin, make_lanes
 from maira_qp.kernels.search.random_numbers import state_of, stream_of
 from maira_qp.kernels.search.seeds import CORNER, find_nearest, has_long_slides, place_slides, random_start
 from maira_qp.kernels.spatial.pose_validation import FINE, pose_row
@@ -28,9 +29,23 @@ FARTHEST_START, TOO_FAR = 1e5, -1
 """Joint values [rad or m] beyond the first the kernels do not begin at: their sine loses digits; or NaN."""
 
 
-def memory_sizes(n, attempts):
-    """How many numbers `search` needs as `floats` and as `integers`, for a chain of n joints."""
-    return lanes_memory(n) + n + LANES * (SlotBest.Q + n), LANES * (Lane.WIDTH + Slot.WIDTH + LANES + attempts)
+SEARCH = Arena(
+    "SearchWork",
+    "n attempts",
+    floats={
+        "lanes": LANES_ARENA.floats,
+        "q0": "n",
+        "found": f"{LANES}, {SlotBest.Q} + n",  # of each slot: cost, squared errors, cost of the start and q
+    },
+    integers={
+        "nearest": f"{LANES}, {LANES}",  # of each slot its starts in the library
+        "spent": f"{LANES}, attempts",  # of each slot every attempt's iterations
+        "slots": f"{LANES}, {Slot.WIDTH}",
+        "lane_of": f"{LANES}, {Lane.WIDTH}",
+    },
+)
+"""Work of `search`, for a chain of n joints."""
+SearchWork, carve_search = SEARCH.Arrays, SEARCH.carve
 
 
 @bare_kernel
@@ -58,20 +73,14 @@ def search(
     `candidates`. What is random comes from `streams` (N,). With starts each joint of q is turned to the whole turn
     nearest to its start. `outcome` (N, 9) becomes [reached, last attempt that counts, iterations, cost, position error,
     orientation error, the start was outside the limits and was moved onto them, attempt 0 counts and went further than
-    `settings` expect, 0]. `floats` and `integers` are memory to work in, see `memory_sizes`.
+    `settings` expect, 0]. `floats` and `integers` are memory to work in, see `SEARCH`.
     Returns how many targets were not reached, or went so far.
     A target with NaN costs only itself: it is left at q = 0, or as near as the limits allow, with errors of NaN.
     """
     n, attempts = len(chain) - 1, last - first + 1
-    lanes, floats = make_lanes(n, floats), floats[lanes_memory(n) :]
-    q0 = floats[:n]
-    # of each slot: cost, squared errors, cost of the start and q; its starts in the library; every attempt's iterations
-    found = floats[n : n + (SlotBest.Q + n) * LANES].reshape(LANES, SlotBest.Q + n)
-    nearest = integers[: LANES * LANES].reshape(LANES, LANES)
-    spent = integers[LANES * LANES : LANES * (LANES + attempts)].reshape(LANES, attempts)
-    integers = integers[LANES * (LANES + attempts) :]
-    slots = integers[: Slot.WIDTH * LANES].reshape(LANES, Slot.WIDTH)
-    lane_of = integers[Slot.WIDTH * LANES : (Slot.WIDTH + Lane.WIDTH) * LANES].reshape(LANES, Lane.WIDTH)
+    work = carve_search(n, attempts, floats, integers)
+    lanes, q0, found = make_lanes(n, work.lanes), work.q0, work.found
+    nearest, spent, slots, lane_of = work.nearest, work.spent, work.slots, work.lane_of
     for lane in range(LANES):
         lane_of[lane, Lane.SERVES], slots[lane, Slot.TARGET] = NOBODY, NOBODY
     opened, open_ends = 0, 0

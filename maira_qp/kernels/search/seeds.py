@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numba import uint64
 
+from maira_qp.kernels.jit.arena import view
 from maira_qp.kernels.jit.decorators import bare_kernel
 from maira_qp.kernels.jit.simd import LANES, full, load2, select, store
 from maira_qp.kernels.layout import Feature, Joint, Setting
@@ -95,7 +96,7 @@ def random_start(chain, settings, target, candidates, at_corner, state, lanes, b
                 lanes.trial[i, lane] = min(max((1.0 - share) * low + share * high, low), high)
         if has_long_slides(chain):
             for lane in range(LANES):
-                q = lanes.dq.reshape(-1)[:n]
+                q = view(lanes.dq, 0, (n,))
                 for i in range(n):
                     q[i] = lanes.trial[i, lane]
                 place_slides(chain, settings, target, lanes, q)
@@ -135,8 +136,8 @@ def place_slides(chain, settings, target, lanes, q):
     n = len(q)
     if settings[Setting.POSITION_WEIGHT] == 0.0:
         return
-    axes, origins = lanes.axes.reshape(-1)[: 3 * n].reshape(n, 3), lanes.origins.reshape(-1)[: 3 * n].reshape(n, 3)
-    tool, e = lanes.tool.reshape(-1)[:12], lanes.e.reshape(-1)[:6]
+    axes, origins = view(lanes.axes, 0, (n, 3)), view(lanes.origins, 0, (n, 3))
+    tool, e = view(lanes.tool, 0, (12,)), view(lanes.e, 0, (6,))
     pose_cost(chain, settings, target, q, axes, origins, tool, e)
     for _ in range(SWEEPS):
         longest = 0.0
@@ -153,8 +154,8 @@ def place_slides(chain, settings, target, lanes, q):
 
 
 @bare_kernel
-def place_all(chain, settings, target, memory, starts):
-    """`place_slides` of starts (N, n), in place; memory (lanes_memory(n),)."""
-    lanes = make_lanes(starts.shape[1], memory)
+def place_all(chain, settings, target, floats, starts):
+    """`place_slides` of starts (N, n), in place; memory as of `make_lanes`."""
+    lanes = make_lanes(starts.shape[1], floats)
     for k in range(len(starts)):
         place_slides(chain, settings, target, lanes, starts[k])

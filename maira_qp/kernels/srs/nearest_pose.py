@@ -10,16 +10,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from maira_qp.kernels.jit.arena import Arena
 from maira_qp.kernels.jit.decorators import bare_kernel, kernel
 from maira_qp.kernels.jit.simd import LANES
+from maira_qp.kernels.kinematics.serial_chain import KINEMATICS, carve_kinematics
 from maira_qp.kernels.layout import Axis, Clipped, Elbow, Outcome, Part, Range, Spherical
 from maira_qp.kernels.refinement.newton_simd import newton_in_lanes
-from maira_qp.kernels.search.levenberg_marquardt import lanes_memory, pose_cost, squares
+from maira_qp.kernels.search.levenberg_marquardt import LANES_ARENA, pose_cost, squares
 from maira_qp.kernels.srs.feasible_configuration import start
 from maira_qp.kernels.srs.reach import TURN
 from maira_qp.kernels.srs.spherical_joint import angle, discriminant
 from maira_qp.kernels.srs.swivel import approach, bend, elbow_from_middle, swing, values_at
-from maira_qp.kernels.srs.swivel_intervals import FLOATS, INTEGERS, make_work
+from maira_qp.kernels.srs.swivel_intervals import INTERVALS, carve_intervals
 
 STARTS = 5
 """Of the eight branches that many are descended from."""
@@ -27,6 +29,24 @@ SWIVELS = 6
 """Swivel angles that each is looked at on, evenly around the circle."""
 _COS, _SIN = np.cos(2 * np.pi / SWIVELS), np.sin(2 * np.pi / SWIVELS)
 _BRANCHES = 8
+
+NEAREST = Arena(
+    "NearestWork",
+    "n count",
+    floats={
+        "intervals": INTERVALS.floats,
+        "lanes": LANES_ARENA.floats,
+        "kinematics": KINEMATICS.floats,
+        "moved": "12",
+        "candidates": f"{_BRANCHES}, n",
+        "costs": f"{_BRANCHES}",
+        "parts": f"2, 2, {Clipped.WIDTH}",
+        "starts": f"count * {STARTS}, n",
+        "left": f"count * {STARTS}",
+    },
+    integers={"lengths": INTERVALS.integers, "lane_of": f"{LANES}", "steps": f"count * {STARTS}"},
+)
+NearestWork, make_nearest = NEAREST.Arrays, NEAREST.make
 
 
 @kernel
@@ -38,24 +58,19 @@ def nearest_in_closed_form(chain, settings, arm, span, targets, streams, shuffle
     `streams` (N,) and `shuffled` are as of `reach_in_closed_form`, tolerance as of `lane_newton`.
     """
     count, n = q.shape
-    starts, left = np.full((count * STARTS, n), np.nan), np.empty(count * STARTS)
-    steps, integers = np.empty(count * STARTS, np.int64), np.empty(max(INTEGERS, LANES), np.int64)
-    floats, kinematics = np.empty(max(FLOATS, lanes_memory(n))), np.empty((2 * n + 10, 3))
-    candidates, costs, parts = np.empty((_BRANCHES, n)), np.empty(_BRANCHES), np.empty((2, 2, Clipped.WIDTH))
+    work = make_nearest(n, count)
+    starts, steps = work.starts, work.steps
     for k in range(count):
         offset = TURN * np.float64(streams[k] >> np.uint64(32)) if shuffled else 0.0
-        own = starts[k * STARTS : (k + 1) * STARTS]
-        _put_starts(
-            chain, settings, arm, span, targets[k], offset, floats, integers, kinematics, candidates, costs, parts, own
-        )
-    newton_in_lanes(chain, settings, targets, STARTS, tolerance, floats, integers, starts, left, steps)
-    _choose(chain, settings, targets, kinematics, starts, steps, q, outcome)
+        _put_starts(chain, settings, arm, span, targets[k], offset, work, starts[k * STARTS : (k + 1) * STARTS])
+    newton_in_lanes(chain, settings, targets, STARTS, tolerance, work.lanes, work.lane_of, starts, work.left, steps)
+    _choose(chain, settings, targets, work.kinematics, starts, steps, q, outcome)
 
 
 @bare_kernel
 def _choose(chain, settings, targets, kinematics, ends, steps, q, outcome):
     """The best of the ends (N STARTS, 7) of each target (N, 12) into q (N, 7), and the outcomes (N, 9)."""
-    axes, origins, tool, e = _places(kinematics)
+    axes, origins, tool, e = carve_kinematics(q.shape[1], kinematics)
     for k in range(len(targets)):
         outcome[k, Outcome.FINAL_COST], outcome[k, Outcome.ATTEMPT] = np.inf, 0.0
         outcome[k, Outcome.SPENT], outcome[k, Outcome.MOVED] = 0.0, 0.0
@@ -72,24 +87,18 @@ def _choose(chain, settings, targets, kinematics, ends, steps, q, outcome):
 
 
 @bare_kernel
-def _places(kinematics):
-    """Axes, origins, the tool's pose and its error, in the memory (2 n + 10, 3), of which twelve numbers are left."""
-    n = (len(kinematics) - 10) // 2
-    rest = kinematics[2 * n :].reshape(30)
-    return kinematics[:n], kinematics[n : 2 * n], rest[:12], rest[12:18]
-
-
-@bare_kernel
-def _put_starts(
-    chain, settings, arm, span, target, offset, floats, integers, kinematics, candidates, costs, parts, starts
-):
-    """The starts (STARTS, 7) of a target (12,), in rows that are left as they are where there are less."""
-    work, moved = make_work(floats, integers), kinematics[-4:].reshape(12)
+def _put_starts(chain, settings, arm, span, target, offset, work, starts):
+    """The starts (STARTS, 7) of a target (12,); rows are NaN where there are less."""
+    moved, candidates, costs = work.moved, work.candidates, work.costs
+    intervals = carve_intervals(work.intervals, work.lengths)
+    for i in range(STARTS):
+        for j in range(7):
+            starts[i, j] = np.nan
     _move_within(arm, span, target, moved)
-    if start(arm, moved, offset, work, starts[0]):
+    if start(arm, moved, offset, intervals, starts[0]):
         return
-    _clipped_branches(arm, moved, work, parts, candidates, costs)
-    axes, origins, tool, e = _places(kinematics)
+    _clipped_branches(arm, moved, intervals, work.parts, candidates, costs)
+    axes, origins, tool, e = carve_kinematics(7, work.kinematics)
     for b in range(_BRANCHES):
         if costs[b] < np.inf:
             costs[b] = pose_cost(chain, settings, target, candidates[b], axes, origins, tool, e)

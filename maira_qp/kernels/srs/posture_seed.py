@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from maira_qp.kernels.jit.arena import Arena
 from maira_qp.kernels.jit.decorators import bare_kernel
 from maira_qp.kernels.jit.simd import LANES, full, load, most, root, select, store
 from maira_qp.kernels.jit.simd_trig import sine_cosine
@@ -19,7 +20,7 @@ from maira_qp.kernels.srs.feasible_configuration import bends, spans, turns
 from maira_qp.kernels.srs.reach import confirm
 from maira_qp.kernels.srs.spherical_joint import cos_half
 from maira_qp.kernels.srs.swivel import approach, bend, swing, values_at
-from maira_qp.kernels.srs.swivel_intervals import make_work
+from maira_qp.kernels.srs.swivel_intervals import carve_intervals
 
 ROUNDS = 2
 """So many times eight swivel angles are tried."""
@@ -29,17 +30,20 @@ TURN = 2.0 * np.pi
 _SQUARE_2, _SQUARE_3, _SQUARE_4 = 1.482, -2.3223, 1.1575
 """delta^2 by powers of 1 - cos delta, the first of which is exact: least squares, exact at half a turn too."""
 
+SEEDING = Arena("Seeding", floats={"lanes": f"{SeedLanes.WIDTH}, {LANES}", "postures": "2, 3, 3"})
+Seeding, carve_seeding = SEEDING.Arrays, SEEDING.carve
+
 
 @bare_kernel
 def reach_near_posture(
-    chain, settings, arm, targets, reference, weights, floats, integers, lanes, kinematics, q, outcome
+    chain, settings, arm, targets, reference, weights, floats, integers, seeding, kinematics, q, outcome
 ):
     """Configurations q (N, 7) that reach `targets` (N, 12), about the best of the objective for each of them.
 
-    Memory: `lanes` (ROWS, LANES), the rest as of `reach_in_closed_form`, and so is `outcome` (N, 7). Which targets have
-    no solution is left open: then the outcome is no success.
+    Memory: `seeding` as of `SEEDING`, the rest as of `reach_in_closed_form`, and so is `outcome` (N, 7). Which targets
+    have no solution is left open: then the outcome is no success.
     """
-    work, postures = make_work(floats, integers), lanes[SeedLanes.POSTURE :].reshape(-1)[:18].reshape(2, 3, 3)
+    work, (lanes, postures) = carve_intervals(floats, integers), carve_seeding(seeding)
     for lane in range(LANES):
         lanes[SeedLanes.SINE, lane], lanes[SeedLanes.COSINE, lane] = sine_cosine(TURN / LANES * lane)
     for part in range(2):

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.kinematics.serial_chain import carve_kinematics
 from maira_qp.kernels.layout import Outcome, Setting
 from maira_qp.kernels.search.levenberg_marquardt import is_reached, pose_cost, squares
 from maira_qp.kernels.srs.feasible_configuration import start
-from maira_qp.kernels.srs.swivel_intervals import make_work
+from maira_qp.kernels.srs.swivel_intervals import carve_intervals
 from maira_qp.kernels.srs.unreachability import POSSIBLE, verdict
 
 TURN = 2.0 * np.pi / 2.0**32
@@ -22,9 +23,9 @@ def reach_in_closed_form(
 
     What has none is `PROVED` to be out of reach, or left open: then its outcome is no success, and its cost infinite.
     The swivel angles are tried from the same one on, or, if `shuffled`, from one that `streams` (N,) tell. Memory:
-    floats and integers of `make_work`, pieces of `verdict`, kinematics (2 n + 6, 3).
+    floats and integers of `INTERVALS`, pieces of `verdict`, and that of `KINEMATICS`.
     """
-    work = make_work(floats, integers)
+    work = carve_intervals(floats, integers)
     for k in range(len(targets)):
         offset = TURN * np.float64(streams[k] >> np.uint64(32)) if shuffled else 0.0
         outcome[k, Outcome.SUCCESS], outcome[k, Outcome.FINAL_COST], outcome[k, Outcome.LEFT] = 0.0, np.inf, 0.0
@@ -39,9 +40,7 @@ def reach_in_closed_form(
 @bare_kernel
 def confirm(chain, settings, target, kinematics, q, outcome):
     """Make the outcome (7,) a success if q (7,) reaches the target (12,), else leave it as it is."""
-    n = len(q)
-    axes, origins, rest = kinematics[:n], kinematics[n : 2 * n], kinematics[2 * n :].reshape(18)
-    tool, e = rest[:12], rest[12:]
+    axes, origins, tool, e = carve_kinematics(len(q), kinematics)
     cost = pose_cost(chain, settings, target, q, axes, origins, tool, e)
     if is_reached(settings, e):
         position, orientation = squares(e)

@@ -22,10 +22,9 @@ nothing changes: one look at the middle of a cell tells. An arc is (lower, upper
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
+from maira_qp.kernels.jit.arena import Arena
 from maira_qp.kernels.jit.decorators import bare_kernel
 from maira_qp.kernels.jit.simd_trig import sine_cosine
 from maira_qp.kernels.layout import Arc, Axis, CriticalArc, Hindrance, Limit, Part, Sinusoid, Spherical
@@ -37,8 +36,6 @@ TURN = 2.0 * np.pi
 
 ARCS, CRITICAL, PIECES = 24, 16, 96
 """At most so many arcs has a branch, so many are critical, and so many pieces make a cover."""
-FLOATS, INTEGERS = 18 + 4 * Sinusoid.WIDTH + CriticalArc.WIDTH * CRITICAL + 4 * Arc.WIDTH * ARCS, 4
-"""How many numbers `make_work` needs."""
 JOINED = 1e-12
 """Arcs this near to each other [rad] touch."""
 
@@ -48,31 +45,18 @@ _HOLE = 1e-5
 """Holes smaller than this [rad] block nothing: their edge is lost in rounding."""
 
 
-class Work(NamedTuple):
-    """What a verdict or a start works in."""
-
-    base: np.ndarray
-    """(2, 9) see `swivel.approach`"""
-    circles: np.ndarray
-    """(2, 2, 15) of each elbow, see `swivel.swing`"""
-    critical: np.ndarray
-    """(CRITICAL, 4)"""
-    arcs: np.ndarray
-    """(2, 2, ARCS, 3) blocked, of shoulder and wrist, of their branches +1 and -1"""
-    lengths: np.ndarray
-    """(2, 2) how many those are"""
-
-
-@bare_kernel
-def make_work(floats, integers):
-    """Work in memory: floats (FLOATS,), integers (INTEGERS,)."""
-    return Work(
-        floats[:18].reshape(2, 9),
-        floats[18:78].reshape(2, 2, Sinusoid.WIDTH),
-        floats[78 : FLOATS - 4 * Arc.WIDTH * ARCS].reshape(CRITICAL, CriticalArc.WIDTH),
-        floats[FLOATS - 4 * Arc.WIDTH * ARCS : FLOATS].reshape(2, 2, ARCS, Arc.WIDTH),
-        integers[:INTEGERS].reshape(2, 2),
-    )
+INTERVALS = Arena(
+    "Intervals",
+    floats={
+        "base": "2, 9",  # see `swivel.approach`
+        "circles": f"2, 2, {Sinusoid.WIDTH}",  # of each elbow, see `swivel.swing`
+        "critical": f"{CRITICAL}, {CriticalArc.WIDTH}",
+        "arcs": f"2, 2, {ARCS}, {Arc.WIDTH}",  # blocked, of shoulder and wrist, of their branches +1 and -1
+    },
+    integers={"lengths": "2, 2"},  # how many those are
+)
+"""What a verdict or a start works in."""
+Intervals, carve_intervals = INTERVALS.Arrays, INTERVALS.carve
 
 
 @bare_kernel

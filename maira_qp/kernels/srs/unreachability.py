@@ -25,7 +25,7 @@ import numpy as np
 from maira_qp.kernels.jit.decorators import bare_kernel
 from maira_qp.kernels.layout import Arc, Elbow, Hindrance, Part
 from maira_qp.kernels.srs.swivel import approach, bend, elbow_from_middle, first_within, swing
-from maira_qp.kernels.srs.swivel_intervals import block, cover, make_work
+from maira_qp.kernels.srs.swivel_intervals import block, carve_intervals, cover
 
 POSSIBLE, TOO_FAR, TOO_NEAR, ELBOW_OUTSIDE, SWIVEL_BLOCKED = 0, 1, 2, 3, 4
 """Verdicts; the first is none."""
@@ -37,8 +37,8 @@ LARGE = 0.1
 
 @bare_kernel
 def verdicts(arm, targets, position_tolerance, orientation_tolerance, floats, integers, pieces, codes):
-    """`verdict` of each of targets (N, 12) into codes (N,); floats and integers are memory, see `make_work`."""
-    work = make_work(floats, integers)
+    """`verdict` of each of targets (N, 12) into codes (N,); floats and integers are memory, see `INTERVALS`."""
+    work = carve_intervals(floats, integers)
     for k in range(len(targets)):
         codes[k] = verdict(arm, targets[k], position_tolerance, orientation_tolerance, work, pieces)
 

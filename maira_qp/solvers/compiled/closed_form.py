@@ -6,10 +6,11 @@ from threading import Event
 
 import numpy as np
 
-from maira_qp.kernels.jit.simd import LANES
-from maira_qp.kernels.layout import Outcome, SeedLanes
+from maira_qp.kernels.kinematics.serial_chain import KINEMATICS
+from maira_qp.kernels.layout import Outcome
 from maira_qp.kernels.srs import nearest_pose, posture_seed, reach
-from maira_qp.kernels.srs.swivel_intervals import FLOATS, INTEGERS, PIECES
+from maira_qp.kernels.srs.posture_seed import SEEDING
+from maira_qp.kernels.srs.swivel_intervals import INTERVALS, PIECES
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.multi_start import attempt
 from maira_qp.solvers.compiled.outcomes import all_reached, none_open
@@ -54,14 +55,14 @@ def reach_near_posture(
 ) -> None:
     """Put q (N, 7) of an S-R-S arm that reach the targets near a posture (7,), weighted; some are left open."""
     problem = arrays.chain, arrays.settings, arrays.proofs.srs, rows, posture, weights
-    memory = np.empty(FLOATS), np.empty(INTEGERS, np.int64), np.empty((SeedLanes.WIDTH, LANES)), np.empty((20, 3))
+    memory = *INTERVALS.empty(), *SEEDING.empty(), *KINEMATICS.empty(arrays.n)
     posture_seed.reach_near_posture(*problem, *memory, q, outcome)
 
 
 def reach_in_closed_form(arrays: ProblemArrays, batch: Batch, q: np.ndarray, outcome: np.ndarray) -> None:
     """Put q (N, 7) that reach the targets, or that it is proved that nothing does; the rest is left open."""
     problem = arrays.chain, arrays.settings, arrays.proofs.srs, batch.rows, batch.streams, batch.shuffled
-    memory = np.empty(FLOATS), np.empty(INTEGERS, np.int64), np.empty((8, PIECES, 3)), np.empty((20, 3))
+    memory = *INTERVALS.empty(), np.empty((8, PIECES, 3)), *KINEMATICS.empty(arrays.n)
     reach.reach_in_closed_form(*problem, *memory, q, outcome)
 
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from threading import Event
 
 import numpy as np
 
 from maira_qp.kernels.jit.simd import LANES
 from maira_qp.kernels.layout import Outcome
-from maira_qp.kernels.search.levenberg_marquardt import lanes_memory
-from maira_qp.kernels.search.multi_start import memory_sizes, search
+from maira_qp.kernels.search.levenberg_marquardt import LANES_ARENA
+from maira_qp.kernels.search.multi_start import SEARCH, search
 from maira_qp.kernels.search.seeds import has_long_slides, place_all
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.outcomes import none_open
@@ -19,15 +18,12 @@ from maira_qp.solvers.compiled.thread_pool import parts
 from maira_qp.solvers.reference.levenberg_marquardt import Budget
 from maira_qp.solvers.reference.multi_start import HEAD
 
-sizes_of = lru_cache(memory_sizes)
-
 
 def attempts(arrays: ProblemArrays, batch: Batch, first: int, last: int, q: np.ndarray, outcome: np.ndarray) -> int:
     """Make the attempts first, ..., last at N targets: q (N, n) and outcomes (N, 9) in place.
 
     Returns how many targets are left open. See `kernels.search.multi_start.search`.
     """
-    floats, integers = sizes_of(arrays.n, last - first + 1)
     return search(
         arrays.chain,
         arrays.settings,
@@ -40,8 +36,7 @@ def attempts(arrays: ProblemArrays, batch: Batch, first: int, last: int, q: np.n
         batch.streams,
         first,
         last,
-        np.empty(floats),
-        np.empty(integers, np.int64),
+        *SEARCH.empty(arrays.n, last - first + 1),
         q,
         outcome,
     )
@@ -118,5 +113,5 @@ def placed(arrays: ProblemArrays, row: np.ndarray, starts: np.ndarray) -> np.nda
     """Place the slides of starts (N, n) that are sampled in part only by a target (12,): (N, n)."""
     if has_long_slides(arrays.chain):
         starts = starts.copy()
-        place_all(arrays.chain, arrays.settings, row, np.empty(lanes_memory(starts.shape[1])), starts)
+        place_all(arrays.chain, arrays.settings, row, *LANES_ARENA.empty(starts.shape[1]), starts)
     return starts

@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from maira_qp.arrays import is_native
 from maira_qp.kernels.control.step import tick
-from maira_qp.kernels.control.step_workspace import memory_sizes
+from maira_qp.kernels.control.step_workspace import STEP_WORK
 from maira_qp.kernels.layout import Level, Step
 from maira_qp.kernels.spatial.pose_validation import FINE
 from maira_qp.orientation import ORTHONORMAL_WITHIN
@@ -86,7 +86,7 @@ class CompiledTick:
             objectives=np.array([_objective_row(robot, level) for level in levels]),
             numbers=_numbers(problem, rows),
             still=np.zeros(robot.n),
-            sizes=memory_sizes(robot.n, len(each), rows, len(levels)),
+            sizes=STEP_WORK.sizes(robot.n, len(each), rows, len(levels)),
         )
 
     def tick(self, target: Any, q: Any, dt: float, velocity: Any) -> Ticked | None:

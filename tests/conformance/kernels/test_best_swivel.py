@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
-from support.compiled_problems import few, row_of
+from support.compiled_problems import few, row_of, rubbish
 from support.srs_arms import ARMS, Arm, anywhere, hard_configurations, memory, poses_of, srs_arm
 
 import maira_qp as mq
 from maira_qp.analytic.srs.geometry import wrapped
 from maira_qp.kernels.jit.simd import LANES
-from maira_qp.kernels.layout import Axis, Outcome, Range, SeedLanes, Setting, Spherical
-from maira_qp.kernels.srs.posture_seed import ROUNDS, half_square, reach_near_posture
+from maira_qp.kernels.kinematics.serial_chain import KINEMATICS
+from maira_qp.kernels.layout import Axis, Outcome, Range, Setting, Spherical
+from maira_qp.kernels.srs.posture_seed import ROUNDS, SEEDING, half_square, reach_near_posture
 
 ANGLES = 2 * np.pi * np.arange(LANES * ROUNDS) / (LANES * ROUNDS)
 
@@ -18,10 +19,10 @@ def begun(arm: Arm, poses: np.ndarray, reference: np.ndarray, weights: np.ndarra
     """Configurations (N, 7) for poses (N, 4, 4), and which were found (N,)."""
     q, outcome = np.full((len(poses), 7), np.nan), np.full((len(poses), Outcome.WIDTH), np.nan)
     settings = np.array([1.0, 1.0, 1e-6, 1e-6, *np.zeros(Setting.WIDTH - 4)])
-    lanes, kinematics = np.full((SeedLanes.WIDTH, LANES), np.nan), np.full((20, 3), np.nan)
+    work = *memory(), *rubbish(SEEDING), *rubbish(KINEMATICS, 7)
     rows, chain = np.array([row_of(T) for T in poses]), arm.robot.chain
     problem = chain, settings, arm.array, rows, reference, weights
-    reach_near_posture(*problem, *memory(), lanes, kinematics, q, outcome)
+    reach_near_posture(*problem, *work, q, outcome)
     return q, outcome[:, Outcome.SUCCESS] > 0
 
 

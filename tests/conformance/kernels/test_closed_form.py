@@ -9,6 +9,7 @@ from support.srs_arms import (
     anywhere,
     codes_of,
     hard_configurations,
+    memory,
     moved,
     poses_of,
     prepared,
@@ -23,7 +24,7 @@ from maira_qp.analytic.srs.geometry import ElbowBranch, wrapped
 from maira_qp.kernels.layout import Arc, Axis, Part
 from maira_qp.kernels.srs.spherical_joint import angle, discriminant
 from maira_qp.kernels.srs.swivel import approach, bend, branch_at, swing, values_at
-from maira_qp.kernels.srs.swivel_intervals import ARCS, CRITICAL, Work, block
+from maira_qp.kernels.srs.swivel_intervals import INTERVALS, block
 
 
 def circles_of(arm: Arm, T: np.ndarray, elbow: ElbowBranch) -> np.ndarray:
@@ -32,12 +33,6 @@ def circles_of(arm: Arm, T: np.ndarray, elbow: ElbowBranch) -> np.ndarray:
     cosine, sine = bend(arm.array, approach(arm.array, row_of(T), base))
     assert swing(arm.array, base, cosine, sine, float(elbow.sign), circles)
     return circles
-
-
-def work_of_arcs() -> Work:
-    """Work for `block`."""
-    nothing = np.full((2, 2, ARCS, 3), np.nan)
-    return Work(nothing[0, 0], nothing[0], np.full((CRITICAL, 4), np.nan), nothing, np.full((2, 2), -(2**62)))
 
 
 def angles_at(arm: Arm, circles: np.ndarray, part: int, psi: float, tau: float) -> np.ndarray:
@@ -84,7 +79,7 @@ def test_what_is_blocked_without_a_margin_is_what_is_outside(rng, name):
     outside = 0
     for T in anywhere(arm, rng, few(40) + 10):
         for elbow in arm.srs.elbow_branches(T):
-            work = work_of_arcs()
+            work = INTERVALS.plain(*memory())
             block(arm.array, circles_of(arm, T, elbow), 0.0, 0.0, work)
             psi = rng.uniform(-np.pi, np.pi, 50)
             q = arm.srs.evaluate(elbow, psi)
@@ -110,7 +105,7 @@ def test_what_is_blocked_with_a_margin_stays_outside_within_it(rng, name, eta):
     arm, seen = srs_arm(name), 0
     for T in anywhere(arm, rng, few(16) + 4):
         for elbow in arm.srs.elbow_branches(T):
-            work = work_of_arcs()
+            work = INTERVALS.plain(*memory())
             block(arm.array, circles_of(arm, T, elbow), eta, eta, work)
             for part, circle in enumerate((elbow.shoulder, elbow.wrist)):
                 for branch in range(2):

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from support.compiled_problems import few, first_in_plain_python
+from support.compiled_problems import few, first_in_plain_python, rubbish
 from support.robots import load
 
 import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES
 from maira_qp.kernels.refinement.newton_simd import newton_in_lanes
-from maira_qp.kernels.search.levenberg_marquardt import lanes_memory
+from maira_qp.kernels.search.levenberg_marquardt import LANES_ARENA
 from maira_qp.orientation import pose_error
 from maira_qp.solvers.compiled.engine import Compiled
 
@@ -40,7 +40,7 @@ def rows_of(poses: np.ndarray) -> np.ndarray:
 def descended(engine: Compiled, rows: np.ndarray, starts: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where descents from q (N starts, n) end, and what is left there."""
     q, left, steps = q.copy(), np.full(len(q), np.nan), np.empty(len(q), np.int64)
-    memory = np.full(lanes_memory(q.shape[1]), np.nan), np.empty(LANES, np.int64)
+    memory = *rubbish(LANES_ARENA, q.shape[1]), np.empty(LANES, np.int64)
     newton_in_lanes(engine.chain, engine.settings, rows, starts, TOLERANCE, *memory, q, left, steps)
     return q, left
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from scipy.optimize import nnls
-from support.compiled_problems import few
+from support.compiled_problems import few, rubbish
 
 from maira_qp.kernels.linalg.convexify import make_positive
 from maira_qp.kernels.linalg.ldl import factor_ldl, solve_ldl
 from maira_qp.kernels.linalg.qr_null_space import balance, extend, factor, null_vector, shortest_solution
 from maira_qp.kernels.linalg.symmetric_eigen import diagonalise
-from maira_qp.kernels.qp.null_space_qp import solve_row_qp
+from maira_qp.kernels.qp.null_space_qp import ROW_QP, solve_row_qp
 from maira_qp.kernels.refinement.feasibility_restoration import RANK_THRESHOLD
 from maira_qp.problem.qp.backends import Backend
 from maira_qp.problem.qp.hierarchy import RANK_THRESHOLD as THRESHOLD_OF_THE_HIERARCHY
@@ -200,9 +200,8 @@ def row_qp(H, c, Z, lower, upper) -> tuple[np.ndarray, np.ndarray, bool]:
     tall = np.full((n, n), np.nan)
     tall[:k, :k] = H
     z, x = np.full(n, np.nan), np.full(n, np.nan)
-    memory, index = np.full((4 * n + 4, n), np.nan), np.full((3, n), -(2**62))
     slope = np.r_[c, np.full(n - k, np.nan)]
-    found = solve_row_qp(tall, slope, k, wide, lower, upper, memory, index, z, x)
+    found = solve_row_qp(tall, slope, k, wide, lower, upper, *rubbish(ROW_QP, n), z, x)
     return z[:k], x, bool(found)
 
 

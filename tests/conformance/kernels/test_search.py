@@ -22,7 +22,7 @@ import maira_qp as mq
 from maira_qp.kernels.jit.simd import LANES
 from maira_qp.kernels.kinematics.unwrap import unwind
 from maira_qp.kernels.layout import Joint, Outcome, Setting
-from maira_qp.kernels.search.multi_start import FARTHEST_START, TOO_FAR, admit, memory_sizes
+from maira_qp.kernels.search.multi_start import FARTHEST_START, SEARCH, TOO_FAR, admit
 from maira_qp.kernels.search.random_numbers import state_of, stream_of
 from maira_qp.kernels.search.seeds import CORNER
 from maira_qp.kernels.spatial.pose_validation import FINE, NOT_FINITE, NOT_RIGID, pose_row
@@ -256,7 +256,7 @@ def test_it_works_in_memory_that_holds_anything_and_writes_nowhere_else(rng):
     robot = arm("maira")
     problem, rows = compiled(robot, max_restarts=12), hard_rows(robot, rng, few(20))
     expected = np.hstack(search_for(problem, rows))
-    sizes = memory_sizes(7, 13)
+    sizes = SEARCH.sizes(7, 13)
     for rubbish in (np.nan, 1.0, -np.inf, 1e308):
         for offset in rng.permutation(LANES)[: few(8)]:
             floats, integers = np.full(sizes[0] + 40, rubbish), np.full(sizes[1] + 40, int(rng.integers(-9, 9)))

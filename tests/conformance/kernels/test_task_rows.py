@@ -11,7 +11,7 @@ from support.derivatives import assert_close, difference_gradient, difference_ja
 
 import maira_qp as mq
 from maira_qp.kernels.control.level_models import add_curvature, level_costs, level_model
-from maira_qp.kernels.control.step_workspace import make_work
+from maira_qp.kernels.control.step_workspace import carve_step_work
 from maira_qp.kernels.layout import Place, Step, TaskRow
 from maira_qp.kernels.spatial.so3 import bend_of_logarithm, inverse_right_jacobian
 from maira_qp.problem.qp.costs import TaskCost
@@ -49,7 +49,7 @@ def copy(source, out):
 def model_into(tree, parents, tasks, places, objectives, targets, q, x, memory, index, out):
     """The model of the first level, and how its rows bend, as a level below it feels that."""
     n, m = len(q), len(out.rows)
-    work = make_work(n, len(tasks), m, len(objectives), memory, index)
+    work = carve_step_work(n, len(tasks), m, len(objectives), memory, index)
     copy(targets, work.targets)
     level_costs(tree, parents, tasks, places, objectives, work, q, work.values)
     out.numbers[0] = work.values[0]

@@ -5,7 +5,7 @@ import pytest
 from support.made_robots import BASES, mobile
 
 import maira_qp as mq
-from maira_qp.kernels.search.levenberg_marquardt import lanes_memory
+from maira_qp.kernels.search.levenberg_marquardt import LANES_ARENA
 from maira_qp.kernels.search.seeds import place_all
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.targets import row_of
@@ -78,7 +78,7 @@ def test_slides_are_placed_where_no_other_place_is_nearer(base, rng):
         target = mq.pose(rng.uniform(-far, far, 3))
         starts = np.array([robot.random_configuration(rng) for _ in range(3)])
         placed = starts.copy()
-        place_all(engine.chain, engine.settings, row_of(target), np.empty(lanes_memory(robot.n)), placed)
+        place_all(engine.chain, engine.settings, row_of(target), *LANES_ARENA.empty(robot.n), placed)
         np.testing.assert_array_equal(placed[:, ~slides], starts[:, ~slides])
         for q in placed:
             least = np.linalg.norm(robot.forward(q).translation - target.translation)
