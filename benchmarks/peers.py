@@ -23,8 +23,8 @@ from maira_qp.evaluation.targets import FAR_AWAY, NEARBY
 from maira_qp.io.atomic_write import replace_text
 
 HERE = Path(__file__).parent
-WARM_UP, GIVE_UP, TICKS, TICK = 20, 20, 500, 0.01
-"""Targets for the warm-up and out of reach, at most so many ticks, and the length of a tick [s]."""
+WARM_UP, FAR_WARM_UP, GIVE_UP, TICKS, TICK = 20, 2, 20, 500, 0.01
+"""Targets for the warm-up, more of them out of reach, those out of reach; at most so many ticks; a tick [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,8 +62,9 @@ def compete(arm: arms.Arm, settings: Settings, bar: Progress) -> results.Outcome
     """All races on one arm."""
     single, remarks = line_up.line_up(arm)
     everybody = [*single, *ours.batches(arm)]
-    warm = arm.ask("uniform", WARM_UP, settings.seed + 1)
-    clock.warm_up(everybody, warm.targets, warm.starts)
+    for stratum, count in (("uniform", WARM_UP), (FAR_AWAY, FAR_WARM_UP)):
+        warm = arm.ask(stratum, count, settings.seed + 1)
+        clock.warm_up(everybody, warm.targets, warm.starts)
 
     def race(title: str, who: list, asked: arms.Questions, rounds: int, given_starts: bool) -> list[results.Row]:
         task = bar.add_task(f"{arm.name}, {title}", total=clock.turns(who, len(asked.targets), rounds))
