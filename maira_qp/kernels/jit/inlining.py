@@ -252,6 +252,15 @@ class _Entry(_Library):
         self._linking_libraries = []
         super().finalize()
 
+    def _optimize_final_module(self) -> None:
+        """Numba's passes but those that make vectors of loops: they take a tenth of the time, and make nothing faster.
+
+        Kernels that are to work on vectors say so (`kernels.jit.simd`), and the loops of the others are short.
+        """
+        for passes in ({"opt": self._codegen._opt_level, "cost": "cheap"}, {}):
+            manager, builder = self._codegen._module_pass_manager(loop_vectorize=False, slp_vectorize=False, **passes)
+            manager.run(self._final_module, builder)
+
 
 def _link(library: Any, module: Any) -> None:
     """Link what a library and its parts call into a module, callers first: LLVM takes in only what is called."""
