@@ -28,7 +28,7 @@ import math
 
 import numpy as np
 
-from maira_qp.kernels.jit.decorators import bare_kernel, kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.kinematics.serial_chain import forward
 from maira_qp.kernels.layout import Joint, Pivot, Point
 
@@ -43,7 +43,7 @@ ORIENTATION = -1
 """In place of a point: what rules a box out is the angle between the orientations."""
 
 
-@kernel
+@kernel(allocates=True)
 def exclude(chain, points, pivots, turn, targets, most, boxes, excluded):
     """For each of `targets` (N, 12): the number of boxes that rule out all configurations, else 0, into (N,).
 
@@ -61,7 +61,7 @@ def exclude(chain, points, pivots, turn, targets, most, boxes, excluded):
         )
 
 
-@bare_kernel
+@device_kernel
 def _exclude(chain, points, pivots, turn, target, most, stack, vectors, axes, origins, tool, boxes):
     n, waiting, ruled_out, q, h = vectors.shape[1], 1, 0, vectors[0], vectors[1]
     for i in range(n):
@@ -93,7 +93,7 @@ def _exclude(chain, points, pivots, turn, target, most, stack, vectors, axes, or
     return 0
 
 
-@bare_kernel
+@device_kernel
 def _judge(chain, points, pivots, turn, target, h, axes, origins, tool, behind, before):
     """The joint across which a box is to be halved, -1 if the box is ruled out; the point and the pivot that say so.
 
@@ -131,13 +131,13 @@ def _judge(chain, points, pivots, turn, target, h, axes, origins, tool, behind, 
     return -1 if nearest > 1.0 else split, point, pivot
 
 
-@bare_kernel
+@device_kernel
 def _from(moved, first, stop):
     """How far the joints first, ..., stop - 1 together may move what `_moved` was asked about."""
     return moved[first] if first < stop else 0.0
 
 
-@bare_kernel
+@device_kernel
 def _moved(chain, h, axes, origins, point, stop, moved):
     """How far the joints i, ..., stop - 1 together may move a point (3,) into moved[i], for every i >= 1."""
     total = 0.0
@@ -149,7 +149,7 @@ def _moved(chain, h, axes, origins, point, stop, moved):
         moved[i] = total
 
 
-@bare_kernel
+@device_kernel
 def _angle_between(pose, other):
     """The angle [rad] between the orientations of two poses (12,)."""
     square = 0.0
@@ -158,7 +158,7 @@ def _angle_between(pose, other):
     return 2.0 * math.asin(min(math.sqrt(square / 8.0), 1.0))
 
 
-@bare_kernel
+@device_kernel
 def _placed(pose, points, k):
     """One of the points of a body in the base, the body at `pose` (12,)."""
     x, y, z = points[k, 0], points[k, 1], points[k, 2]
@@ -169,7 +169,7 @@ def _placed(pose, points, k):
     )
 
 
-@bare_kernel
+@device_kernel
 def _on_axis(axes, origins, i, along):
     return (
         origins[i, 0] + along * axes[i, 0],
@@ -178,12 +178,12 @@ def _on_axis(axes, origins, i, along):
     )
 
 
-@bare_kernel
+@device_kernel
 def _distance(a, b):
     return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
-@bare_kernel
+@device_kernel
 def _from_axis(axes, origins, i, point):
     """How far a point is from the axis of joint i."""
     u, v, w = axes[i, 0], axes[i, 1], axes[i, 2]
@@ -191,7 +191,7 @@ def _from_axis(axes, origins, i, point):
     return math.sqrt((v * z - w * y) ** 2 + (w * x - u * z) ** 2 + (u * y - v * x) ** 2)
 
 
-@bare_kernel
+@device_kernel
 def _from_path(chain, h, axes, origins, p, t):
     """The least and the largest distance of t from where the first joint takes p, turning by up to h either way."""
     u, v, w = axes[0, 0], axes[0, 1], axes[0, 2]

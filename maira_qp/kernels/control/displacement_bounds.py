@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.layout import Joint
 
 
-@bare_kernel
+@kernel
 def bounds_of_tick(tree, q, velocity, dt, lower, upper):
     """Bounds (n,) on the displacement in a tick of dt [s] from q (n,) at a velocity (n,)."""
     for i in range(len(q)):
@@ -23,20 +23,20 @@ def bounds_of_tick(tree, q, velocity, dt, lower, upper):
         upper[i] = min(max(min(max(ahead + change, low), high), -reach), reach)
 
 
-@bare_kernel
+@device_kernel
 def _toward(room, change, ahead):
     """The largest displacement toward a limit that is `room` away; where that is negative, the way back."""
     return max(room, ahead - change) if room < 0.0 else braking_displacement(room, change, ahead)
 
 
-@bare_kernel
+@kernel
 def bounds_of_position(tree, q, lower, upper):
     """Bounds (n,) on the displacement from q (n,) where no time passes."""
     for i in range(len(q)):
         lower[i], upper[i] = tree[i, Joint.LOWER] - q[i], tree[i, Joint.UPPER] - q[i]
 
 
-@bare_kernel
+@kernel
 def braking_displacement(room, change, ahead):
     """The largest displacement of a tick from which a joint that goes `ahead` now stops within `room`."""
     if not (0.0 < room < math.inf and change < math.inf):
@@ -47,7 +47,7 @@ def braking_displacement(room, change, ahead):
     return min(2.0 * room / (1.0 + math.sqrt(1.0 + x)), room)
 
 
-@bare_kernel
+@kernel
 def share_to_stop(tree, way, dt):
     """The largest share of the way (n,) that a tick may go so that every joint could stop where the way ends."""
     share = 1.0
@@ -58,7 +58,7 @@ def share_to_stop(tree, way, dt):
     return share
 
 
-@bare_kernel
+@kernel
 def rest_of(lower, upper, rest):
     """The displacement (n,) nearest to none within the bounds: whether it is none."""
     none = True

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from maira_qp.kernels.jit.decorators import bare_kernel, inner_kernel
+from maira_qp.kernels.jit.decorators import device_kernel
 from maira_qp.kernels.linalg.convexify import make_positive
 from maira_qp.kernels.linalg.qr_null_space import NONE, extend, null_basis, others, reduce
 from maira_qp.kernels.qp.box_qp import solve_box_qp
@@ -22,7 +22,7 @@ ESCAPE = 1e-3
 """As in `problem.qp.hierarchy`."""
 
 
-@inner_kernel
+@device_kernel
 def solve_each_level(objectives, share, work):
     """The displacements of the first level alone, of the first two, and so on into work.displacements (L, n): how many.
 
@@ -79,7 +79,7 @@ def solve_each_level(objectives, share, work):
     return len(objectives)
 
 
-@bare_kernel
+@device_kernel
 def _worth(H, mu, c, step, still):
     """The share of a step (n,) that is worth its way, as `problem.qp.hierarchy._worth`; c (n,) the gradient."""
     fall, square = 0.0, 0.0
@@ -92,7 +92,7 @@ def _worth(H, mu, c, step, still):
     return max(0.0, 1.0 - still * math.sqrt(square) / fall) if fall > 0.0 else 0.0
 
 
-@inner_kernel
+@device_kernel
 def _descend_first(H, c, lower, upper, work):
     """`descend` in the joints that can move, where others are locked at a displacement."""
     n, joints, R, Z, b, A, V = len(c), work.joints, work.C, work.Z, work.b, work.A, work.V
@@ -119,7 +119,7 @@ def _descend_first(H, c, lower, upper, work):
             H[i, joints[r]] = R[p, r]
 
 
-@inner_kernel
+@device_kernel
 def descend(H, c, k, Z, saddle, A, V, x):
     """H (k, k) made positive, and c (k,) given a pull out of saddle points, as `problem.qp.hierarchy.descending`.
 
@@ -152,7 +152,7 @@ def descend(H, c, k, Z, saddle, A, V, x):
             c[a] -= pull * V[p, a]
 
 
-@inner_kernel
+@device_kernel
 def add_rows(work, level, joints, rank, threshold):
     """Factor what the levels below this one must leave as it is: the rank so far. `joints` are those that move.
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from maira_qp.kernels.control.task_jacobians import across_direction, in_base, pose_bend, task_error, task_levers
-from maira_qp.kernels.jit.decorators import bare_kernel, inner_kernel
+from maira_qp.kernels.jit.decorators import device_kernel
 from maira_qp.kernels.kinematics.kinematic_tree import forward, path_jacobian, path_to, place
 from maira_qp.kernels.layout import Kind, Level, Place, TaskRow
 from maira_qp.kernels.refinement.posture_objective import objective_cost
@@ -24,7 +24,7 @@ SADDLE, FLAT, STATIONARY, STEEP, WORTH = 1e-3, 1e-5, 0.1, 1e-5, 2e-9
 """As in `solvers.reference.step_models`."""
 
 
-@inner_kernel
+@device_kernel
 def level_costs(tree, parents, tasks, places, objectives, work, q, values):
     """The true cost of each level at q (n,) into values (L,); the kinematics and the errors are left in `work`."""
     poses, tools, targets, e = work.poses, work.tools, work.targets, work.e
@@ -45,7 +45,7 @@ def level_costs(tree, parents, tasks, places, objectives, work, q, values):
         values[places[t, Place.LEVEL]] += 0.5 * _squared_error(tasks[t], e[t])
 
 
-@bare_kernel
+@device_kernel
 def _squared_error(task, e):
     s = 0.0
     for k in range(6):
@@ -53,7 +53,7 @@ def _squared_error(task, e):
     return s
 
 
-@inner_kernel
+@device_kernel
 def level_model(tree, parents, tasks, places, objectives, level, work, q):
     """The rows of a level's tasks at q (n,), from the kinematics and errors in `work`, after those of the levels above.
 
@@ -101,7 +101,7 @@ def level_model(tree, parents, tasks, places, objectives, level, work, q):
     return asked
 
 
-@inner_kernel
+@device_kernel
 def row_errors(tasks, places, level, ends, e, errors):
     """The weighted errors of the rows of all levels above one, from those of the tasks e (T, 6); rows without stay."""
     row = 0
@@ -119,7 +119,7 @@ def row_errors(tasks, places, level, ends, e, errors):
                 row += 1
 
 
-@inner_kernel
+@device_kernel
 def _add_rows(tree, parents, poses, task, place, tools, levers, path, J, rows, end):
     """The rows of W J of a task of frames that count into `rows` (m, n) from number `end` on: where they end.
 
@@ -149,7 +149,7 @@ def _add_rows(tree, parents, poses, task, place, tools, levers, path, J, rows, e
     return last, count
 
 
-@bare_kernel
+@device_kernel
 def _add_coupling_row(task, rows, end):
     """The row of a coupling: where it ends."""
     for i in range(rows.shape[1]):
@@ -157,7 +157,7 @@ def _add_coupling_row(task, rows, end):
     return end + 1
 
 
-@bare_kernel
+@device_kernel
 def _add_still_rows(task, rows, end):
     """One row for each joint that is to stand still: where they end."""
     for i in range(rows.shape[1]):
@@ -169,7 +169,7 @@ def _add_still_rows(task, rows, end):
     return end
 
 
-@inner_kernel
+@device_kernel
 def add_curvature(tree, parents, tasks, places, level, bends, work, q):
     """Add to the Hessian of a level how the rows above bend, times work.weights, and, if it `bends`, its own tasks."""
     pull, row = work.pull, 0
@@ -202,7 +202,7 @@ def add_curvature(tree, parents, tasks, places, level, bends, work, q):
             _add_differences(tree, parents, t, tasks[t], places[t], own, share, first, row, work, q, level)
 
 
-@inner_kernel
+@device_kernel
 def _add_differences(tree, parents, t, task, place_of_task, own, share, first, end, work, q, level):
     """The same for a task whose rows are known to first order alone, by central differences.
 
@@ -236,7 +236,7 @@ def _add_differences(tree, parents, t, task, place_of_task, own, share, first, e
             H[i, j] += share * s
 
 
-@inner_kernel
+@device_kernel
 def _slope_at(tree, parents, task, place_of_task, target, own, work, q, gradient):
     """The gradient (n,) of a task's cost at q (n,), or of its rows times work.pull."""
     poses, tools, rows, J, e = work.near_poses, work.near_tools, work.near_rows, work.near_J, work.off
@@ -267,7 +267,7 @@ def _slope_at(tree, parents, task, place_of_task, target, own, work, q, gradient
             row += 1
 
 
-@bare_kernel
+@device_kernel
 def _add_on_path(J, path, pull, S, C, H):
     """What `pose_bend` tells, of a frame with the Jacobian J (n, 6) on its path (k,), added to H (n, n). Work: C."""
     count = len(path)
@@ -284,7 +284,7 @@ def _add_on_path(J, path, pull, S, C, H):
             H[path[a], path[b]] += C[a, b]
 
 
-@inner_kernel
+@device_kernel
 def add_gauss_newton(level, work):
     """Add Gauss-Newton's part to the Hessian of a level."""
     H, rows = work.H[level], work.rows[work.ends[level - 1] if level > 0 else 0 : work.ends[level]]
@@ -296,7 +296,7 @@ def add_gauss_newton(level, work):
             H[i, j], H[j, i] = s, s
 
 
-@inner_kernel
+@device_kernel
 def finish_model(level, bends, is_bent, asked, damping, least_damping, work):
     """The damping of a level with its Hessian in work.H, which curvature it leaves, and which steps it does not take.
 

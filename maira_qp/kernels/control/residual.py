@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from maira_qp.kernels.control.hierarchical_qp import add_rows
-from maira_qp.kernels.jit.decorators import bare_kernel, inner_kernel
+from maira_qp.kernels.jit.decorators import device_kernel
 from maira_qp.kernels.layout import Joint, Level
 from maira_qp.kernels.linalg.ldl import factor_ldl, solve_ldl
 from maira_qp.kernels.linalg.qr_null_space import NONE, null_basis, others, reduce
@@ -19,7 +19,7 @@ HESSIAN_THRESHOLD = 1e-6
 TINY = 1e-30
 
 
-@inner_kernel
+@device_kernel
 def find_residual(tree, objectives, level, work, q, dt):
     """Split the error of a level into what its step takes away and what it leaves, `work.left`: whether that bends.
 
@@ -71,7 +71,7 @@ def find_residual(tree, objectives, level, work, q, dt):
     return rest > max(BENDS * BENDS * whole, NOTHING * NOTHING)
 
 
-@bare_kernel
+@device_kernel
 def _factor_rows(rows, first, held, gram, factor):
     """Factor `S S^T`, S (m, n) the rows in the joints that are not held, with eps or, from `first` on, nu added: nu."""
     m, n = len(rows), len(held)
@@ -94,7 +94,7 @@ def _factor_rows(rows, first, held, gram, factor):
     return nu
 
 
-@bare_kernel
+@device_kernel
 def _balance(K, g, held, factor, multipliers):
     """The multipliers (m,) of the rows K (m, n), factored, that balance g (n,) on the joints that are not held."""
     for k in range(len(K)):
@@ -105,7 +105,7 @@ def _balance(K, g, held, factor, multipliers):
     solve_ldl(factor, len(K), multipliers)
 
 
-@bare_kernel
+@device_kernel
 def _free_gradient(K, multipliers, g, held):
     """Norm of what the rows K (m, n) and the joints that are held leave of a gradient (n,)."""
     square = 0.0
@@ -117,7 +117,7 @@ def _free_gradient(K, multipliers, g, held):
     return math.sqrt(square)
 
 
-@bare_kernel
+@device_kernel
 def _hold(tree, K, multipliers, g, q, dt, held):
     """Hold the joints that are pulled into a limit that is near, and no others: whether any changed."""
     changed = False
@@ -133,7 +133,7 @@ def _hold(tree, K, multipliers, g, q, dt, held):
     return changed
 
 
-@inner_kernel
+@device_kernel
 def _weighted_residual(objective, rows, held, nu, work):
     """The same of a first level with a posture beside its tasks."""
     n, errors, left, M, F, x = len(held), work.errors, work.left, work.M, work.A, work.y
@@ -156,7 +156,7 @@ def _weighted_residual(objective, rows, held, nu, work):
         left[k] = s
 
 
-@inner_kernel
+@device_kernel
 def add_bent_directions(tree, objectives, level, work):
     """Add to the rows of a level the directions in which it bends though its rows do not feel them.
 

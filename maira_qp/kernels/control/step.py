@@ -16,7 +16,7 @@ from maira_qp.kernels.control.level_models import (
 )
 from maira_qp.kernels.control.residual import add_bent_directions, find_residual
 from maira_qp.kernels.control.step_workspace import carve_step_work
-from maira_qp.kernels.jit.decorators import bare_kernel, inner_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.layout import Joint, Level, Place, Step, TaskRow
 from maira_qp.kernels.search.levenberg_marquardt import squares
 from maira_qp.kernels.search.multi_start import FARTHEST_START
@@ -31,7 +31,7 @@ ARRIVED, MOVING, NEAREST, STUCK = 0.0, 1.0, 2.0, 3.0
 """As `maira_qp.StepStatus`."""
 
 
-@bare_kernel
+@kernel
 def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, memory, index, out):
     """A tick of dt [s] from q (n,) at a velocity (n,) toward the targets T (4 K, 4) of the call.
 
@@ -86,7 +86,7 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
     return FINE
 
 
-@bare_kernel
+@device_kernel
 def _read_targets(tasks, places, numbers, T, targets):
     """The target of each task as a row of targets (T, 12); what is wrong with one."""
     for t in range(len(tasks)):
@@ -104,7 +104,7 @@ def _read_targets(tasks, places, numbers, T, targets):
     return FINE
 
 
-@inner_kernel
+@device_kernel
 def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q, solved):
     """Add to the `step` what each level adds, shortened until the true costs, `values` those of now, allow it."""
     displacements, values, trial_values, kept = work.displacements, work.values, work.trial_values, work.kept
@@ -163,7 +163,7 @@ def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q
         work.highest[level] = values[level]
 
 
-@inner_kernel
+@device_kernel
 def _loss(tasks, places, objectives, numbers, level, work):
     """What the levels above one lose, the largest share of what they may."""
     loss, e, kept = -1.0, work.e, work.kept
@@ -179,7 +179,7 @@ def _loss(tasks, places, objectives, numbers, level, work):
     return loss
 
 
-@inner_kernel
+@device_kernel
 def _status(tree, places, numbers, work, solved, dt, velocity):
     """What the arm is doing after a tick, from the errors in work.e and what the QPs asked for."""
     arrived, moving, wanted, slope = True, False, solved == 0, 0.0
@@ -202,7 +202,7 @@ def _status(tree, places, numbers, work, solved, dt, velocity):
     return NEAREST if slope <= numbers[Step.STATIONARITY] else MOVING
 
 
-@bare_kernel
+@device_kernel
 def _report(e, left):
     """The largest errors of position [m] and orientation [rad] among e (T, 6) into left (2,)."""
     left[0], left[1] = 0.0, 0.0

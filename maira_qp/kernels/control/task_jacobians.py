@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.layout import Axes, Kind, Place, TaskRow
 from maira_qp.kernels.spatial.pose_error import pose_error
 from maira_qp.kernels.spatial.so3 import bend_of_even_cost, bend_of_logarithm, inverse_right_jacobian
@@ -32,7 +32,7 @@ SMALL = 1e-9
 """As in `problem.tasks.axis` and `.swivel`: shorter lengths [m] have no direction."""
 
 
-@bare_kernel
+@kernel
 def task_error(task, place, tools, target, q, e):
     """The error of a task at q (n,) into e (6,), from the poses of its frames, tools (3, 12), and its target (12,)."""
     kind = place[Place.KIND]
@@ -54,7 +54,7 @@ def task_error(task, place, tools, target, q, e):
             e[3] -= task[TaskRow.COEFFICIENTS + i] * q[i]
 
 
-@bare_kernel
+@device_kernel
 def _frame_error(task, place, tool, target, e):
     pose_error(tool, target, e)
     if place[Place.AXES] == Axes.TARGET:
@@ -65,7 +65,7 @@ def _frame_error(task, place, tool, target, e):
             e[k] = 0.0
 
 
-@bare_kernel
+@device_kernel
 def _direction_error(task, kind, tool, target, e):
     """The rotation vector that takes the axis a to the direction d, along the two axes across d."""
     a = turned(tool, (task[TaskRow.AXIS], task[TaskRow.AXIS + 1], task[TaskRow.AXIS + 2]))
@@ -81,7 +81,7 @@ def _direction_error(task, kind, tool, target, e):
     e[3], e[4] = share * dot(turn, first), share * dot(turn, second)
 
 
-@bare_kernel
+@device_kernel
 def _direction(task, kind, tool, target):
     """The unit vector that the axis is to point along, and one over the distance [m] of what it points at, or 0."""
     if kind == Kind.AXIS_ALONG:
@@ -93,7 +93,7 @@ def _direction(task, kind, tool, target):
     return (0.0, 0.0, 1.0), 1.0 / SMALL
 
 
-@bare_kernel
+@device_kernel
 def _across(d):
     """Two unit vectors that are a right-handed frame with the unit vector d."""
     first = across_most(d)
@@ -101,7 +101,7 @@ def _across(d):
     return first, cross(d, first)
 
 
-@bare_kernel
+@kernel
 def in_base(task, place, tool, target, pull):
     """What pulls the two rows of a direction, pull[3:5], as a vector in base axes, pull[:3]."""
     first, second = _across(_direction(task, place[Place.KIND], tool, target)[0])
@@ -110,7 +110,7 @@ def in_base(task, place, tool, target, pull):
         pull[k] = u * first[k] + v * second[k]
 
 
-@bare_kernel
+@kernel
 def across_direction(task, place, tool, target, pull):
     """The part of a vector in base axes, pull[:3], for the two rows of a direction, pull[3:5]."""
     first, second = _across(_direction(task, place[Place.KIND], tool, target)[0])
@@ -118,7 +118,7 @@ def across_direction(task, place, tool, target, pull):
     pull[3], pull[4] = dot(vector, first), dot(vector, second)
 
 
-@bare_kernel
+@kernel
 def seen_from(reference, pose, seen):
     """The pose `reference^-1 pose` into seen (12,)."""
     for k in range(3):
@@ -126,7 +126,7 @@ def seen_from(reference, pose, seen):
     seen[9], seen[10], seen[11] = turned_back(reference, minus(origin(pose), origin(reference)))
 
 
-@bare_kernel
+@device_kernel
 def _missing_swivel(task, tools):
     """The turn of the elbow about the line from shoulder to wrist that is missing, the short way round."""
     elbow, side, up, _ = _elbow_plane(task, tools)
@@ -137,7 +137,7 @@ def _missing_swivel(task, tools):
     return missing - 2.0 * math.pi * math.floor(missing / (2.0 * math.pi) + 0.5)
 
 
-@bare_kernel
+@device_kernel
 def _elbow_plane(task, tools):
     """The elbow from the shoulder [m], both axes of the circle's plane, and the vector from shoulder to wrist [m]."""
     reference = task[TaskRow.AXIS], task[TaskRow.AXIS + 1], task[TaskRow.AXIS + 2]
@@ -150,7 +150,7 @@ def _elbow_plane(task, tools):
     return minus(origin(tools[1]), origin(tools[0])), cross(along, up), up, line
 
 
-@bare_kernel
+@kernel
 def task_levers(task, place, tools, target, e, levers):
     """The derivative of `-e` by the twist of each frame, in base axes, into levers (3, 6, 6). Work: e (6,).
 
@@ -171,7 +171,7 @@ def task_levers(task, place, tools, target, e, levers):
         _swivel_levers(task, tools, levers)
 
 
-@bare_kernel
+@kernel
 def pose_bend(task, place, tool, target, of_cost, pull, e, inverse, S):
     """How the rows of a pose bend, weighted by pull (6,): as its frame weighted by what becomes of pull, and S (3, 3).
 
@@ -199,13 +199,13 @@ def pose_bend(task, place, tool, target, of_cost, pull, e, inverse, S):
         pull[3 + k] = inverse[0, k] * u[0] + inverse[1, k] * u[1] + inverse[2, k] * u[2]
 
 
-@bare_kernel
+@device_kernel
 def _turns_evenly(task):
     """The angular rows of a pose count the same each."""
     return task[TaskRow.WEIGHTS + 3] == task[TaskRow.WEIGHTS + 4] == task[TaskRow.WEIGHTS + 5]
 
 
-@bare_kernel
+@device_kernel
 def _frame_lever(task, place, tool, target, e, lever):
     angular = lever[3:, 3:]
     if _turns_evenly(task):
@@ -224,7 +224,7 @@ def _frame_lever(task, place, tool, target, e, lever):
             )
 
 
-@bare_kernel
+@device_kernel
 def _direction_lever(task, kind, tool, target, lever):
     """What turns the axis across d counts; and what moves it past the point that it looks at."""
     d, nearness = _direction(task, kind, tool, target)
@@ -234,7 +234,7 @@ def _direction_lever(task, kind, tool, target, lever):
         lever[4, k], lever[4, 3 + k] = nearness * first[k], second[k]
 
 
-@bare_kernel
+@device_kernel
 def _relative_levers(tools, levers):
     """The frame's own twist, and minus that of the reference, which carries the frame along."""
     reference, off = tools[1], minus(origin(tools[0]), origin(tools[1]))
@@ -247,7 +247,7 @@ def _relative_levers(tools, levers):
             levers[1, k, 3 + j] = carried[j]
 
 
-@bare_kernel
+@device_kernel
 def _swivel_levers(task, tools, levers):
     """Of shoulder, elbow and wrist: psi = atan2(y, x), both in a frame that turns with the line shoulder-wrist."""
     elbow, side, up, line = _elbow_plane(task, tools)

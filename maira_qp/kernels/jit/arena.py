@@ -25,7 +25,7 @@ from numba.core.imputils import impl_ret_borrowed
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
-from maira_qp.kernels.jit.decorators import inner_kernel, kernel
+from maira_qp.kernels.jit.decorators import device_kernel
 from maira_qp.kernels.jit.simd import LANES
 
 
@@ -86,10 +86,10 @@ class Arena:
         carving = "_carve", [*names, *memories], lines, f"Arrays({', '.join(views)})"
         carve, self.plain = _function(*carving, known), _function(*carving, {**known, "view": _plain_view})
         self.sizes = lru_cache(_function("_sizes", names, [], f"{self.floats}, {self.integers}", known))
-        self.carve, known["carve"] = inner_kernel(carve), kernel(carve)
+        self.carve, known["carve"] = device_kernel(carve), device_kernel(carve, allocates=True)
         zeros = {"floats": f"zeros({self.floats})", "integers": f"zeros({self.integers}, int64)"}
         made = ", ".join([*names, *(zeros[memory] for memory in memories)])
-        self.make = kernel(_function("_make", names, [], f"carve({made})", known))
+        self.make = device_kernel(_function("_make", names, [], f"carve({made})", known), allocates=True)
 
     def empty(self, *dimensions: int) -> tuple[np.ndarray, ...]:
         """The memories for given dimensions, of float64 and of int64: those that there are."""
@@ -143,5 +143,5 @@ def _plain_view(memory, at, shape):
     return memory.reshape(-1)[at : at + np.prod(shape, dtype=int)].reshape(shape)
 
 
-view = _plain_view if config.DISABLE_JIT else intrinsic(_viewing)
+view: Any = _plain_view if config.DISABLE_JIT else intrinsic(_viewing)
 """The numbers of a contiguous array from entry `at` on, rows after rows, as an array of a shape."""

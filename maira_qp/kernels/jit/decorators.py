@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import wraps
+from functools import partial, wraps
 from typing import Any
 
 import numpy as np
@@ -15,38 +15,37 @@ from maira_qp.kernels.jit.inlining import INLINE, EntryCompiler, part
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
 
 
-def kernel(function: Callable) -> Any:
-    """Compile a function with Numba, kept on disk where there is a folder to write to.
+def kernel(function: Callable | None = None, *, allocates: bool = False) -> Any:
+    """Compile a function with Numba for Python and for other kernels; kept on disk where there is a folder to write to.
 
     Division follows IEEE 754; of the fast-math flags only contraction to fused multiply-add is on, so NaN stays NaN.
-    Where other kernels call it, it is a part of them, compiled with them: see `kernels.jit.inlining`.
+    Where other kernels call it, it is a part of them, compiled with them: see `kernels.jit.inlining`. A kernel that
+    makes arrays `allocates`; the others count no references, which can cost as much as the work.
     """
-    return _compiled(function)
-
-
-def bare_kernel(function: Callable) -> Any:
-    """The same for a function that makes no array: it then counts no references, which costs as much as the work."""
-    return _compiled(function, _nrt=False)
-
-
-def inner_kernel(function: Callable) -> Any:
-    """A bare kernel that other kernels alone call, as they do all whose names begin with an underscore."""
-    return _compiled(function, is_inner=True, _nrt=False)
-
-
-def _compiled(function: Callable, *, is_inner: bool = False, **options: Any) -> Any:
-    """What Python calls, and what takes its place in other kernels; each is compiled when it is first called."""
+    if function is None:
+        return partial(kernel, allocates=allocates)
     if config.DISABLE_JIT:
         return _silent(function)
-    options |= OPTIONS
-    inner = part(function, options) if INLINE else njit(**options)(function)
-    if is_inner or function.__name__.startswith("_"):
-        return inner
+    options, inner = _options(allocates), device_kernel(function, allocates=allocates)
     entry: Any = njit(**options, pipeline_class=EntryCompiler)(function) if INLINE else inner
     entry._cache = CodeCache(function)
     if INLINE:
         entry.get_call_template, entry.get_overload = inner.get_call_template, inner.get_overload
     return entry
+
+
+def device_kernel(function: Callable | None = None, *, allocates: bool = False) -> Any:
+    """The same for a function that other kernels alone call: a part of them, and nothing of its own."""
+    if function is None:
+        return partial(device_kernel, allocates=allocates)
+    if config.DISABLE_JIT:
+        return _silent(function)
+    return part(function, _options(allocates)) if INLINE else njit(**_options(allocates))(function)
+
+
+def _options(allocates: bool) -> dict[str, Any]:
+    """Numba's options."""
+    return OPTIONS if allocates else OPTIONS | {"_nrt": False}
 
 
 def _silent(function: Callable) -> Callable:

@@ -7,14 +7,14 @@ the last digit or two may differ from the C library's; beyond, the error grows w
 
 from __future__ import annotations
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import kernel
 from maira_qp.kernels.jit.simd import floor, select
 
 PI_2_A, PI_2_B, PI_2_C = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21
 """pi / 2 in three parts, the first two short enough for exact products with the number of quarter turns."""
 
 
-@bare_kernel
+@kernel
 def sine_cosine(angle):
     """(sin, cos) of an angle [rad]; NaN of what is not finite."""
     turns = floor(angle * 0.6366197723675814 + 0.5)

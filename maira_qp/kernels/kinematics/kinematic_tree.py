@@ -7,7 +7,7 @@ the largest speed [17] and acceleration [18]. A chain is a tree.
 
 from __future__ import annotations
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import kernel
 from maira_qp.kernels.jit.simd_trig import sine_cosine
 from maira_qp.kernels.layout import Joint
 
@@ -15,7 +15,7 @@ BASE = -1
 """The parent of a joint that stands on the base."""
 
 
-@bare_kernel
+@kernel
 def forward(tree, parents, q, poses):
     """Poses (n, 12), R by rows and p, of the frames behind the joints, at q (n,)."""
     for i in range(len(q)):
@@ -31,7 +31,7 @@ def forward(tree, parents, q, poses):
                 pose[3 * row], pose[3 * row + 1] = c * x + s * y, c * y - s * x
 
 
-@bare_kernel
+@kernel
 def place(poses, joint, placement, pose):
     """The pose (12,) of what is placed so behind a joint, or on the base; of `placement` the first twelve count."""
     if joint < 0:
@@ -46,7 +46,7 @@ def place(poses, joint, placement, pose):
         pose[9 + row] = behind[9 + row] + (x * placement[9] + y * placement[10] + z * placement[11])
 
 
-@bare_kernel
+@kernel
 def path_to(parents, joint, path):
     """The joints that carry what is behind a joint, the first of them first, into `path`: how many."""
     count, i = 0, joint
@@ -59,7 +59,7 @@ def path_to(parents, joint, path):
     return count
 
 
-@bare_kernel
+@kernel
 def path_jacobian(tree, poses, path, pose, J):
     """Jacobian of a pose into J (k, 6), transposed: row a is [linear, angular] of joint path[a], base axes."""
     for a in range(len(J)):

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.arena import Arena
-from maira_qp.kernels.jit.decorators import bare_kernel, kernel
+from maira_qp.kernels.jit.decorators import kernel
 from maira_qp.kernels.jit.simd import full, load, load2, store, store2
 from maira_qp.kernels.jit.simd_trig import sine_cosine
 from maira_qp.kernels.layout import Joint
@@ -23,7 +23,7 @@ KINEMATICS = Arena("Kinematics", "n", floats={"axes": "n, 3", "origins": "n, 3",
 Kinematics, carve_kinematics = KINEMATICS.Arrays, KINEMATICS.carve
 
 
-@bare_kernel
+@kernel
 def forward(chain, q, axes, origins, tool):
     """Tool pose, R by rows and p, into `tool` (12,); joint axes and origins in base axes into their arrays (n, 3)."""
     n = len(q)
@@ -77,7 +77,7 @@ def forward(chain, q, axes, origins, tool):
     store(tool, 11, pz)
 
 
-@bare_kernel
+@kernel
 def jacobian(chain, axes, origins, tool, J):
     """Geometric Jacobian into J (n, 6), transposed: row i is [linear, angular] of joint i, base axes."""
     px, py, pz = load(tool, 9), load(tool, 10), load(tool, 11)
@@ -100,7 +100,7 @@ def jacobian(chain, axes, origins, tool, J):
             store2(J, i, 5, z)
 
 
-@kernel
+@kernel(allocates=True)
 def jacobians(chain, q, J):
     """Transposed Jacobians into J (N, n, 6) of the configurations q (N, n)."""
     n = q.shape[1]

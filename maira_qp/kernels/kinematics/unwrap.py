@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.layout import Joint
 
 TURN = 2.0 * np.pi
@@ -14,7 +14,7 @@ ROUNDING = 1e-9
 """See `solvers.neighbourhood`."""
 
 
-@bare_kernel
+@kernel
 def unwind(chain, references, reached, q):
     """Turn joints of q (N, n) by whole turns, in place, as near to the references (N, n) as the limits let them.
 
@@ -28,7 +28,7 @@ def unwind(chain, references, reached, q):
                 q[k, i] = nearest_turn(chain, i, q[k, i], references[row, i])
 
 
-@bare_kernel
+@kernel
 def unwind_free(chain, references, posture, weights, turned, q):
     """As `unwind`, but only joints for which `1/2 sum_i weights_i (q_i - posture_i)^2` is no higher then.
 
@@ -44,7 +44,7 @@ def unwind_free(chain, references, posture, weights, turned, q):
                 q[k, i] = angle
 
 
-@bare_kernel
+@kernel
 def has_free_turn(chain, references, posture, weights, q):
     """Whether `unwind_free` would turn any joint of q (N, n)."""
     for k in range(len(q)):
@@ -55,7 +55,7 @@ def has_free_turn(chain, references, posture, weights, q):
     return False
 
 
-@bare_kernel
+@device_kernel
 def _free_turn(chain, i, angle, reference, posture, weight):
     """The turn of joint i nearest to the reference, or its own angle where that costs the posture less."""
     there = nearest_turn(chain, i, angle, reference)
@@ -64,7 +64,7 @@ def _free_turn(chain, i, angle, reference, posture, weight):
     return there if moves else angle
 
 
-@bare_kernel
+@kernel
 def nearest_turn(chain, i, angle, reference):
     """The value of joint i that is whole turns from `angle`, within the limits, and nearest to the reference."""
     low, high = chain[i, Joint.LOWER], chain[i, Joint.UPPER]

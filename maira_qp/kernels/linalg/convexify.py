@@ -6,7 +6,7 @@ of a factorisation show at little cost; the others are diagonalised.
 
 from __future__ import annotations
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import kernel
 from maira_qp.kernels.linalg.ldl import factor_ldl
 from maira_qp.kernels.linalg.symmetric_eigen import diagonalise
 
@@ -14,7 +14,7 @@ LEAST_SHARE, LEAST = 1e-9, 1e-12
 """Eigenvalues are lifted to this share of the largest, and to this size."""
 
 
-@bare_kernel
+@kernel
 def make_positive(H, k, D, V):
     """Replace H (k, k) by its positive part, in place, unless it is positive already: whether it was. Work: D, V."""
     if k == 1:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import kernel
 
 
-@bare_kernel
+@kernel
 def factor_ldl(H, k, least, F):
     """L below the diagonal of F, D on it, L D above; False where a pivot of the symmetric H is not above `least`."""
     for i in range(k):
@@ -23,7 +23,7 @@ def factor_ldl(H, k, least, F):
     return True
 
 
-@bare_kernel
+@kernel
 def solve_ldl(F, k, x):
     """Solve with the factored matrix, x (k,) in place."""
     for i in range(k):

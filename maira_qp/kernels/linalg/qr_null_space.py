@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 
 NONE = np.int64(0)
 """No literal, for which the compiler would make versions of their own of the functions that it is passed to."""
@@ -24,13 +24,13 @@ NO_PART = 1e-10
 """A joint with a smaller entry in a basis vector takes no part, and must not feel its limit."""
 
 
-@bare_kernel
+@kernel
 def factor(At, n, m, threshold, tau, order):
     """Factor the (n, m) corner of At in place. The rank: pivots above `threshold` times the first."""
     return extend(At, n, NONE, m, threshold, 0.0, tau, order)
 
 
-@bare_kernel
+@kernel
 def extend(At, n, rank, m, threshold, size, tau, order):
     """Factor columns rank to m of At (n, m) too, in place, where those before them are factored already: the new rank.
 
@@ -70,7 +70,7 @@ def extend(At, n, rank, m, threshold, size, tau, order):
     return max(rank, min(n, m))
 
 
-@bare_kernel
+@device_kernel
 def _reflect_column(At, n, j, tau, c):
     """Apply reflection j to column c of At, in place."""
     s = At[j, c]
@@ -82,7 +82,7 @@ def _reflect_column(At, n, j, tau, c):
         At[i, c] -= s * At[i, j]
 
 
-@bare_kernel
+@kernel
 def reflect(At, n, j, tau, x):
     """Apply reflection j to x (n,), in place."""
     s = x[j]
@@ -94,7 +94,7 @@ def reflect(At, n, j, tau, x):
         x[i] -= s * At[i, j]
 
 
-@bare_kernel
+@kernel
 def others(held, joints):
     """The joints that are not `held` (n,) into `joints`: how many."""
     count = 0
@@ -105,7 +105,7 @@ def others(held, joints):
     return count
 
 
-@bare_kernel
+@kernel
 def null_vector(At, n, rank, tau, k, x):
     """Column k, from 0, of the basis of the null space into x (n,)."""
     for i in range(n):
@@ -115,7 +115,7 @@ def null_vector(At, n, rank, tau, k, x):
         reflect(At, n, j, tau, x)
 
 
-@bare_kernel
+@kernel
 def null_basis(At, tau, joints, count, rank, g, x, Z, c):
     """Basis Z (n, k) of the null space of the factored rows, and `c = Z^T g` (k,); k = count - rank. Work: x (n,)."""
     for b in range(count - rank):
@@ -130,7 +130,7 @@ def null_basis(At, tau, joints, count, rank, g, x, Z, c):
         c[b] = s
 
 
-@bare_kernel
+@kernel
 def reduce(H, k, Z, x, M):
     """`Z^T H Z` into M (k, k); work: x (n,)."""
     n = len(x)
@@ -147,7 +147,7 @@ def reduce(H, k, Z, x, M):
             M[a, b], M[b, a] = s, s
 
 
-@bare_kernel
+@kernel
 def shortest_solution(At, n, rank, tau, order, b, x):
     """The shortest x (n,) with `A x = b`, b (m,); rows beyond the rank are left out."""
     for i in range(rank, n):
@@ -161,7 +161,7 @@ def shortest_solution(At, n, rank, tau, order, b, x):
         reflect(At, n, j, tau, x)
 
 
-@bare_kernel
+@kernel
 def balance(At, n, m, rank, tau, order, x, multipliers):
     """Multipliers (m,) with `A^T multipliers = -x` in least squares; x (n,) is overwritten.
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 
 STEPS = 30
 """Of the QR algorithm for each eigenvalue: two are common."""
@@ -18,7 +18,7 @@ NEGLIGIBLE = 1e-16
 """Entries off the diagonal below this share of the largest entry count as zero."""
 
 
-@bare_kernel
+@kernel
 def diagonalise(H, k, D, V):
     """Eigenvalues on the diagonal of D (k, k) and eigenvectors in the rows of V (k, k) of a symmetric H (k, k)."""
     size, total = 0.0, 0.0
@@ -33,7 +33,7 @@ def diagonalise(H, k, D, V):
         _make_diagonal(D, V, k, NEGLIGIBLE * size)
 
 
-@bare_kernel
+@device_kernel
 def _make_tridiagonal(D, V, k):
     """Reflections from both sides of D, and from the left of V."""
     for j in range(k - 2):
@@ -74,7 +74,7 @@ def _make_tridiagonal(D, V, k):
         D[j + 1, j], D[j, j + 1] = end, end
 
 
-@bare_kernel
+@device_kernel
 def _make_diagonal(D, V, k, negligible):
     """The QR algorithm on the tridiagonal D, its rotations applied to the rows of V too."""
     last = k - 1

@@ -12,13 +12,13 @@ Optimization", 2006, algorithm 16.3). H must be positive definite.
 
 from __future__ import annotations
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.layout import Side
 
 BLOCK_PASSES = 8
 
 
-@bare_kernel
+@kernel
 def solve_box_qp(H, c, lower, upper, A, free, side, y, x):
     """The solution into x (n,). Work: A (n, n), free and side (n,) of int64, y (n,). False if H is not positive."""
     n = len(c)
@@ -39,7 +39,7 @@ def solve_box_qp(H, c, lower, upper, A, free, side, y, x):
     return solve_along_feasible_path(H, c, lower, upper, A, free, side, y, x)
 
 
-@bare_kernel
+@kernel
 def solve_along_feasible_path(H, c, lower, upper, A, free, side, y, x):
     """The primal active-set method, from x (n,) clipped to the box."""
     n = len(c)
@@ -73,7 +73,7 @@ def solve_along_feasible_path(H, c, lower, upper, A, free, side, y, x):
     return True
 
 
-@bare_kernel
+@device_kernel
 def _contradicts(H, c, lower, upper, side, x, i):
     """Variable i does not belong where it is: outside its bounds, or pushed off its bound by more than rounding."""
     if side[i] == Side.FREE:
@@ -84,7 +84,7 @@ def _contradicts(H, c, lower, upper, side, x, i):
     return lower[i] < upper[i] and side[i] * _slope(H, c, x, i) > 1e-13 * size
 
 
-@bare_kernel
+@device_kernel
 def _slope(H, c, x, i):
     """Entry i of the gradient H x + c."""
     g = c[i]
@@ -93,7 +93,7 @@ def _slope(H, c, x, i):
     return g
 
 
-@bare_kernel
+@device_kernel
 def _solve_free(H, c, lower, upper, A, free, side, x):
     """x (n,) with the bound variables on their bounds, the free ones optimal, by A = L D L^T; False if D is not > 0."""
     n, m = len(c), 0

@@ -8,12 +8,12 @@ cycle (Murty, "Note on a Bard-type scheme for solving the complementarity proble
 
 from __future__ import annotations
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.jit.simd import any_lane, full, least, load, load2, most, select, size, store, store2
 from maira_qp.kernels.qp.box_qp import BLOCK_PASSES
 
 
-@bare_kernel
+@kernel
 def solve_box_qps(H, c, lower, upper, A, side, x):
     """Minimise `1/2 x^T H x + c^T x` over `lower <= x <= upper` in each lane, into x (n,).
 
@@ -34,7 +34,7 @@ def solve_box_qps(H, c, lower, upper, A, side, x):
     return definite
 
 
-@bare_kernel
+@device_kernel
 def _guess(c, lower, upper, side):
     """A variable starts at a bound where 0 is on that bound and the slope there leads out of the box."""
     for i in range(len(c)):
@@ -44,7 +44,7 @@ def _guess(c, lower, upper, side):
         store(side, i, select(low < high, at_bound, -1.0))
 
 
-@bare_kernel
+@device_kernel
 def _solve_free(H, c, lower, upper, A, side, x):
     """x (n,) with the bound variables on their bounds and the free ones optimal, by A = L D L^T."""
     n, bound = len(c), False
@@ -87,7 +87,7 @@ def _solve_free(H, c, lower, upper, A, side, x):
     return definite
 
 
-@bare_kernel
+@device_kernel
 def _pivot(H, c, lower, upper, side, x, one):
     """Move what contradicts the guess, or the first of it: see `box_qp`. A mask of the lanes where something moved."""
     n = len(c)

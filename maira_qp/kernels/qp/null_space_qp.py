@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.arena import Arena
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.layout import Side
 from maira_qp.kernels.linalg.ldl import factor_ldl, solve_ldl
 from maira_qp.kernels.linalg.qr_null_space import balance, factor, null_vector
@@ -34,7 +34,7 @@ ROW_QP = Arena(
 RowQP, carve_row_qp = ROW_QP.Arrays, ROW_QP.carve
 
 
-@bare_kernel
+@kernel
 def solve_row_qp(H, c, k, Z, lower, upper, floats, integers, z, x):
     """The solution into z (k,) and x = Z z (n,). False if H is not positive, or after too many passes.
 
@@ -96,7 +96,7 @@ def solve_row_qp(H, c, k, Z, lower, upper, floats, integers, z, x):
     return False
 
 
-@bare_kernel
+@device_kernel
 def _clamp(H, c, Z, lower, upper, z, x):
     """One variable: the free optimum, moved into the interval that the rows leave."""
     low, high = -np.inf, np.inf
@@ -110,7 +110,7 @@ def _clamp(H, c, Z, lower, upper, z, x):
         x[i] = Z[i, 0] * z[0]
 
 
-@bare_kernel
+@device_kernel
 def _gradient(H, c, k, z, g):
     """`H z + c` into g (k,); the size of what was added up."""
     size = 0.0
@@ -124,7 +124,7 @@ def _gradient(H, c, k, z, g):
     return size
 
 
-@bare_kernel
+@device_kernel
 def _row(Z, k, i, z):
     """Entry i of Z z."""
     s = 0.0
@@ -133,13 +133,13 @@ def _row(Z, k, i, z):
     return s
 
 
-@bare_kernel
+@device_kernel
 def _put_on_its_bound(i, side, lower, upper, x):
     """An active row holds to the bit."""
     x[i] = lower[i] if side == Side.AT_LOWER else upper[i]
 
 
-@bare_kernel
+@device_kernel
 def _newton_step(H, k, rank, Bt, tau, g, Y, M, F, v, step):
     """The step (k,) to the optimum that leaves the active rows as they are; False if H is not positive."""
     f = k - rank
@@ -172,7 +172,7 @@ def _newton_step(H, k, rank, Bt, tau, g, Y, M, F, v, step):
     return True
 
 
-@bare_kernel
+@device_kernel
 def _blocking_row(Z, k, lower, upper, step, x):
     """The first row to meet a bound along the step, which one, and at what share of the step; -1 if none does."""
     blocking, side, share, longest = -1, 0, 1.0, 0.0

@@ -7,7 +7,7 @@ quadratically. Where that leaves the limits, or does not halve the error, the da
 
 from __future__ import annotations
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.kinematics.serial_chain import jacobian
 from maira_qp.kernels.layout import Joint, Setting
 from maira_qp.kernels.linalg.qr_null_space import factor, shortest_solution
@@ -23,7 +23,7 @@ FARTHEST = 0.5
 """A joint that would have to move farther [rad or m] is not near its pose: no step of Newton's method."""
 
 
-@bare_kernel
+@kernel
 def factor_rows(settings, J, fixed, At, tau, order, joints):
     """Factor the weighted rows of the task, W J, of the joints that are not `fixed` (n,): their number and the rank."""
     p, o = settings[Setting.POSITION_WEIGHT], settings[Setting.ORIENTATION_WEIGHT]
@@ -37,7 +37,7 @@ def factor_rows(settings, J, fixed, At, tau, order, joints):
     return n, factor(At, n, 6, RANK_THRESHOLD, tau, order)
 
 
-@bare_kernel
+@kernel
 def restore(chain, settings, target, cost, enough, most, work, q):
     """Lower the pose's cost at q (n,), in place, to `enough`, in at most `most` iterations of either kind.
 
@@ -50,7 +50,7 @@ def restore(chain, settings, target, cost, enough, most, work, q):
     return cost, spent
 
 
-@bare_kernel
+@device_kernel
 def _follow_newton(chain, settings, target, cost, enough, most, work, q):
     """Newton's method with the shortest steps of the joints off their limits, while it is well inside its range."""
     axes, origins, tool, e, J = work.axes, work.origins, work.tool, work.e, work.J
@@ -79,7 +79,7 @@ def _follow_newton(chain, settings, target, cost, enough, most, work, q):
     return cost, spent
 
 
-@bare_kernel
+@device_kernel
 def _descend(chain, settings, target, enough, most, work, q):
     """Damped Gauss-Newton, a box QP an iteration, in at most `most` of them."""
     axes, origins, tool, e, J, trial = work.axes, work.origins, work.tool, work.e, work.J, work.trial

@@ -18,7 +18,7 @@ NEWTON = Arena("NewtonWork", "n", floats={"lanes": LANES_ARENA.floats}, integers
 NewtonWork, make_newton = NEWTON.Arrays, NEWTON.make
 
 
-@kernel
+@kernel(allocates=True)
 def nearest_points(chain, settings, targets, reference, weights, tolerance, most, q, outcome):
     """From configurations q (N, n) to the stationary points of the pose error near them, in place, by Newton's method.
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.jit.simd import LANES, any_lane, full, least, load, load2, most, root, select, size, store, store2
 from maira_qp.kernels.kinematics.serial_chain import jacobian
 from maira_qp.kernels.layout import Joint, Newton, Setting
@@ -25,7 +25,7 @@ MOST_STEPS = 30
 """A descent that has not converged by then is left."""
 
 
-@bare_kernel
+@kernel
 def newton_in_lanes(chain, settings, targets, starts, tolerance, floats, lane_of, q, left, steps):
     """From configurations q (N starts, n), so many for each of targets (N, 12), to the stationary points near them.
 
@@ -59,7 +59,7 @@ def newton_in_lanes(chain, settings, targets, starts, tolerance, floats, lane_of
         _advance(chain, settings, tolerance, lanes)
 
 
-@bare_kernel
+@device_kernel
 def _advance(chain, settings, tolerance, lanes):
     """One step in every lane; where a descent begins, a look at where it stands."""
     state, q, trial, c = lanes.state, lanes.q, lanes.trial, lanes.c
@@ -101,7 +101,7 @@ def _advance(chain, settings, tolerance, lanes):
     store(state, Newton.EXACT, select(exact, 1.0, nothing))
 
 
-@bare_kernel
+@device_kernel
 def _solve(chain, settings, lanes):
     """The step from q into dq (n,): a mask of the lanes in which the matrix is positive."""
     state, q, H = lanes.state, lanes.q, lanes.H
@@ -117,7 +117,7 @@ def _solve(chain, settings, lanes):
     return load(state, Newton.STARTING) == 0.0
 
 
-@bare_kernel
+@device_kernel
 def _renew_model(settings, exact, renewed, lanes):
     """H and c at the configuration that was looked at last, in the lanes that are `renewed`; the largest of |H|.
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from maira_qp.kernels.jit.decorators import bare_kernel, kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.kinematics.serial_chain import jacobian
 from maira_qp.kernels.layout import Joint, Refinement, Setting, Settling
 from maira_qp.kernels.linalg.convexify import make_positive
@@ -53,7 +53,7 @@ def settle(chain, settings, targets, reference, weights, settling, q, outcome):
         q[left], outcome[left] = some, told
 
 
-@kernel
+@kernel(allocates=True)
 def settle_alone(chain, settings, targets, reference, weights, settling, q, outcome):
     """Settle q (N, n) one by one, see `settle`; the iterations are added to those of `outcome` (N, 6)."""
     work = make_workspace(q.shape[1])
@@ -65,7 +65,7 @@ def settle_alone(chain, settings, targets, reference, weights, settling, q, outc
         tell(settings, reference, weights, work.e, outcome[k, Refinement.ITERATIONS] + spent, left, q[k], outcome[k])
 
 
-@kernel
+@kernel(allocates=True)
 def trade_off_each(chain, settings, targets, reference, weights, weight, settling, q, outcome):
     """From the optima q (N, n) of `Strict`, where they reach the targets, to those of `Weighted`, see `settle`."""
     work = make_workspace(q.shape[1])
@@ -80,7 +80,7 @@ def trade_off_each(chain, settings, targets, reference, weights, weight, settlin
             )
 
 
-@bare_kernel
+@kernel
 def tell(settings, reference, weights, e, iterations, left, q, outcome):
     """The outcome (6,) at q (n,) with the error e (6,) and a projected gradient of which so much is left."""
     position, orientation = squares(e)
@@ -90,7 +90,7 @@ def tell(settings, reference, weights, e, iterations, left, q, outcome):
     outcome[Refinement.ORIENTATION_ERROR] = np.sqrt(orientation) if settings[Setting.ORIENTATION_WEIGHT] > 0.0 else 0.0
 
 
-@bare_kernel
+@kernel
 def walk(chain, settings, target, reference, weights, settling, cost, work, q):
     """Along the self-motion from q (n,), whose pose costs `cost`, in place, to where the objective is stationary.
 
@@ -156,7 +156,7 @@ def walk(chain, settings, target, reference, weights, settling, cost, work, q):
     return spent, left
 
 
-@bare_kernel
+@device_kernel
 def _cost_of_tolerance(settings):
     """A cost of the pose that is within the tolerances, whatever makes it up."""
     position = settings[Setting.POSITION_WEIGHT] * settings[Setting.POSITION_TOLERANCE]
@@ -166,7 +166,7 @@ def _cost_of_tolerance(settings):
     return 0.5 * position * position
 
 
-@bare_kernel
+@device_kernel
 def _projected_gradient(chain, settings, reference, weights, work, q):
     """The largest entry of the objective's gradient that the limits and the pose leave free, at q (n,).
 
@@ -203,7 +203,7 @@ def _projected_gradient(chain, settings, reference, weights, work, q):
     return k, left / GRADIENT_SCALE
 
 
-@bare_kernel
+@device_kernel
 def _step(chain, settings, weights, k, radius, work, q):
     """To the optimum of the model within the trust region, into work.ahead (n,): the longest displacement of a joint.
 
@@ -251,7 +251,7 @@ def _step(chain, settings, weights, k, radius, work, q):
     return longest
 
 
-@bare_kernel
+@kernel
 def lagrangian_hessian(settings, weights, count, rank, work):
     """The Hessian of the objective's Lagrangian into work.H (n, n), by the rows as they are factored.
 
@@ -271,7 +271,7 @@ def lagrangian_hessian(settings, weights, count, rank, work):
     add_curvature(J, work.weighted, H)
 
 
-@bare_kernel
+@device_kernel
 def _regained(settings, work):
     """What the pose error that a step regained, or lost, is worth in units of the objective; the largest multiplier."""
     multipliers, e, before = work.multipliers, work.e, work.before

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import kernel
 from maira_qp.kernels.jit.simd import full, load
 
 
-@bare_kernel
+@kernel
 def objective_cost(q, reference, weights):
     """The value at q (n,)."""
     s = full(q, 0.0)

@@ -24,7 +24,7 @@ import math
 import numpy as np
 
 from maira_qp.kernels.jit.arena import Arena
-from maira_qp.kernels.jit.decorators import bare_kernel, kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.jit.simd import LANES, full, least, load, load2, most, select, size, store, store2
 from maira_qp.kernels.kinematics.serial_chain import jacobian
 from maira_qp.kernels.layout import Joint, Refinement, Setting, Settling, Walk
@@ -72,7 +72,7 @@ WALKS = Arena(
 Walks, _zero_walks = WALKS.Arrays, WALKS.make
 
 
-@kernel
+@kernel(allocates=True)
 def make_walks(n):
     """Eight walks, all of them ended; those that never begin stand still at zero."""
     walks = _zero_walks(n)
@@ -80,14 +80,14 @@ def make_walks(n):
     return walks
 
 
-@kernel
+@kernel(allocates=True)
 def settle_in_lanes(chain, settings, targets, reference, weights, settling, q, outcome):
     """`walk_in_lanes` with memory of its own."""
     walks, lane_of = make_walks(q.shape[1]), np.empty(LANES, np.int64)
     walk_in_lanes(chain, settings, targets, reference, weights, settling, walks, lane_of, q, outcome)
 
 
-@bare_kernel
+@kernel
 def walk_in_lanes(chain, settings, targets, reference, weights, settling, walks, lane_of, q, outcome):
     """From configurations q (N, n) to the optimum of the objective near each, in place, where a walk converges.
 
@@ -118,7 +118,7 @@ def walk_in_lanes(chain, settings, targets, reference, weights, settling, walks,
         _advance(chain, settings, reference, weights, settling, walks)
 
 
-@bare_kernel
+@device_kernel
 def _tell(chain, settings, settling, walks, lane, outcome):
     """The outcome (6,) of a walk that has ended in a lane.
 
@@ -145,7 +145,7 @@ def _tell(chain, settings, settling, walks, lane, outcome):
     outcome[Refinement.ORIENTATION_ERROR] = turn if proved else np.nan
 
 
-@bare_kernel
+@device_kernel
 def _begin(walks, lane, target, q, settling):
     """Begin a walk from q (n,) in one lane."""
     state = walks.state
@@ -160,7 +160,7 @@ def _begin(walks, lane, target, q, settling):
     state[Walk.STARTING, lane], state[Walk.ENDED, lane] = 1.0, 0.0
 
 
-@bare_kernel
+@device_kernel
 def _advance(chain, settings, reference, weights, settling, walks):
     """One step in every lane; where a walk begins, a look at where it stands."""
     state, q, ahead = walks.state, walks.q, walks.ahead
@@ -203,7 +203,7 @@ def _advance(chain, settings, reference, weights, settling, walks):
     store(state, Walk.CONVERGED, select(converged, 1.0, nothing))
 
 
-@bare_kernel
+@device_kernel
 def _solve_model(chain, settings, weights, scale, walks):
     """The step from q into dq (n,): a mask of the lanes in which the matrix is positive."""
     state, q, c, H = walks.state, walks.q, walks.c, walks.H
@@ -221,7 +221,7 @@ def _solve_model(chain, settings, weights, scale, walks):
     return solve_box_qps(H, c, walks.lower, walks.upper, walks.A, walks.side, walks.dq)
 
 
-@bare_kernel
+@device_kernel
 def _propose(chain, settings, scale, walks):
     """q + dq and the multipliers there into ahead (n,) and ahead_y (6,): the longest displacement of a joint."""
     starting = load(walks.state, Walk.STARTING) > 0.0
@@ -249,7 +249,7 @@ def _propose(chain, settings, scale, walks):
     return longest
 
 
-@bare_kernel
+@device_kernel
 def _lagrangian_gradient(chain, settings, reference, weights, walks):
     """g + A^T y ahead, into ahead_slope (n,): the largest entry of what the limits leave of it."""
     ahead, J, left = walks.ahead, walks.ahead_J, full(walks.q, 0.0)
@@ -266,7 +266,7 @@ def _lagrangian_gradient(chain, settings, reference, weights, walks):
     return left / GRADIENT_SCALE
 
 
-@bare_kernel
+@device_kernel
 def _augmented_lagrangian_fell(settings, settling, scale, cost, value, walks):
     """Whether `f - y^T W e + penalty/2 |W e|^2` is lower ahead than at q, with the multipliers y ahead."""
     state, ahead_y, weighted, largest = walks.state, walks.ahead_y, walks.weighted, full(walks.q, 0.0)
@@ -279,7 +279,7 @@ def _augmented_lagrangian_fell(settings, settling, scale, cost, value, walks):
     return gain > -settling[Settling.RESOLUTION] * (scale + size(load(state, Walk.VALUE)) + largest)
 
 
-@bare_kernel
+@device_kernel
 def _move(walks, taken):
     """Go ahead in the lanes where the step is taken."""
     for row in range(6):

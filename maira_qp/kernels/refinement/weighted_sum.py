@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.kinematics.serial_chain import jacobian
 from maira_qp.kernels.layout import Joint, Setting
 from maira_qp.kernels.linalg.convexify import make_positive
@@ -23,7 +23,7 @@ GRADIENT_SCALE = 1e-3
 """See `problem.qp.hierarchy.projected_gradient`."""
 
 
-@bare_kernel
+@kernel
 def trade_off(chain, settings, target, reference, weights, weight, tolerance, most, work, q):
     """Descend from q (n,), in place, until no entry of the gradient is larger than `tolerance`, or `most` iterations.
 
@@ -71,7 +71,7 @@ def trade_off(chain, settings, target, reference, weights, weight, tolerance, mo
     return spent, left
 
 
-@bare_kernel
+@device_kernel
 def _model(chain, settings, reference, weights, weight, cost, work, q):
     """H and c of the sum at q (n,); what the limits leave of c, relative to a large error, and the largest of |H|."""
     J, e, H, c, diagonal, lower, upper = work.J, work.e, work.H, work.c, work.diagonal, work.lower, work.upper

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.arena import Arena
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.jit.simd import any_lane, full, least, load, load2, most, select, store, store2
 from maira_qp.kernels.kinematics.serial_chain import forward, jacobian
 from maira_qp.kernels.layout import Descent, Joint, Setting
@@ -36,7 +36,7 @@ LANES_ARENA = Arena(
 Lanes, carve_lanes = LANES_ARENA.Arrays, LANES_ARENA.carve
 
 
-@bare_kernel
+@kernel
 def make_lanes(n, floats):
     """Eight descents, all of them ended, in memory as long as `LANES_ARENA` says."""
     lanes = carve_lanes(n, floats)
@@ -44,7 +44,7 @@ def make_lanes(n, floats):
     return lanes
 
 
-@bare_kernel
+@kernel
 def begin(state, q, target, lane, q0, wanted):
     """Begin a descent from q0 (n,) toward the target `wanted` (12,) in one lane."""
     for i in range(len(q0)):
@@ -55,7 +55,7 @@ def begin(state, q, target, lane, q0, wanted):
     state[Descent.STARTING, lane], state[Descent.ENDED, lane], state[Descent.REACHED, lane] = 1.0, 0.0, 0.0
 
 
-@bare_kernel
+@kernel
 def pose_cost(chain, settings, target, q, axes, origins, tool, e):
     """`1/2 |W e|^2` at q (n,); the kinematics and the error are left in the arrays."""
     forward(chain, q, axes, origins, tool)
@@ -66,14 +66,14 @@ def pose_cost(chain, settings, target, q, axes, origins, tool, e):
     )
 
 
-@bare_kernel
+@kernel
 def squares(e):
     """Squared errors of position and orientation in e (6,)."""
     e0, e1, e2, e3, e4, e5 = load(e, 0), load(e, 1), load(e, 2), load(e, 3), load(e, 4), load(e, 5)
     return e0 * e0 + e1 * e1 + e2 * e2, e3 * e3 + e4 * e4 + e5 * e5
 
 
-@bare_kernel
+@kernel
 def is_reached(settings, e):
     """The error (6,) is within the tolerances, a part with weight 0 being free."""
     position, orientation = squares(e)
@@ -82,12 +82,12 @@ def is_reached(settings, e):
     )
 
 
-@bare_kernel
+@device_kernel
 def _largest_square(settings, weight, tolerance):
     return settings[tolerance] ** 2 if settings[weight] > 0.0 else np.inf
 
 
-@bare_kernel
+@kernel
 def quadratic_model(settings, J, e, H, c, renew):
     """Gauss-Newton's H (n, n) and c (n,) from the transposed Jacobian J (n, 6) and e (6,); the largest entry of |H|.
 
@@ -111,7 +111,7 @@ def quadratic_model(settings, J, e, H, c, renew):
     return largest
 
 
-@bare_kernel
+@kernel
 def advance(chain, settings, lanes):
     """One iteration in every lane. What it does to a lane that has ended counts for nothing."""
     state, q, trial, H = lanes.state, lanes.q, lanes.trial, lanes.H

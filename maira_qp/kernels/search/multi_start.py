@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.arena import Arena
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.jit.simd import LANES, any_lane, load
 from maira_qp.kernels.kinematics.unwrap import nearest_turn
 from maira_qp.kernels.layout import Descent, Joint, Lane, Outcome, Setting, Slot, SlotBest
@@ -48,7 +48,7 @@ SEARCH = Arena(
 SearchWork, carve_search = SEARCH.Arrays, SEARCH.carve
 
 
-@bare_kernel
+@kernel
 def search(
     chain,
     settings,
@@ -127,13 +127,13 @@ def search(
         advance(chain, settings, lanes)
 
 
-@bare_kernel
+@device_kernel
 def _copy(rows, k, row):
     for i in range(len(row)):
         row[i] = rows[k, i]
 
 
-@bare_kernel
+@device_kernel
 def _collect(state, lane_q, lane_of, slots, found, spent, first, last):
     """Note the attempts that have ended, and break off those that can no longer count."""
     for lane in range(LANES):
@@ -165,7 +165,7 @@ def _collect(state, lane_q, lane_of, slots, found, spent, first, last):
             state[Descent.ENDED, lane] = 1.0
 
 
-@bare_kernel
+@device_kernel
 def _close(chain, settings, starts, slots, found, spent, first, last, q, outcome):
     """Write down what became of the targets that are done, and free their slots: how many are not settled by that."""
     open_ends = 0
@@ -204,7 +204,7 @@ def _close(chain, settings, starts, slots, found, spent, first, last, q, outcome
     return open_ends
 
 
-@bare_kernel
+@device_kernel
 def _turn_to_start(chain, starts, k, q):
     """Turn each joint of q[k] to the turn nearest to starts[k], moved inside: how far the farthest is from there."""
     farthest = 0.0
@@ -215,7 +215,7 @@ def _turn_to_start(chain, starts, k, q):
     return farthest
 
 
-@bare_kernel
+@device_kernel
 def _slot_to_serve(slots, last):
     """The open slot that needs an attempt most: with none under way, else with the fewest; `NOBODY` if none does."""
     served = NOBODY
@@ -227,7 +227,7 @@ def _slot_to_serve(slots, last):
     return served
 
 
-@bare_kernel
+@device_kernel
 def _open(slots, found, k, first, last):
     """Take target k into a free slot."""
     slot = 0
@@ -239,7 +239,7 @@ def _open(slots, found, k, first, last):
     return slot
 
 
-@bare_kernel
+@device_kernel
 def _is_finite(targets, k):
     total = 0.0
     for i in range(12):
@@ -247,7 +247,7 @@ def _is_finite(targets, k):
     return total == 0.0
 
 
-@bare_kernel
+@device_kernel
 def _refuse(chain, k, q, outcome):
     """The outcome of a target that is not finite."""
     for i in range(q.shape[1]):
@@ -258,7 +258,7 @@ def _refuse(chain, k, q, outcome):
     outcome[k, Outcome.MOVED], outcome[k, Outcome.WANDERED], outcome[k, Outcome.LEFT] = 0.0, 0.0, 0.0
 
 
-@bare_kernel
+@device_kernel
 def _is_outside(chain, rows, k):
     outside = False
     for i in range(rows.shape[1]):
@@ -266,7 +266,7 @@ def _is_outside(chain, rows, k):
     return outside
 
 
-@bare_kernel
+@kernel
 def admit(T, within, farthest, starts, seed, row, stream):
     """A target T (4, 4) as a row (1, 12), and its stream (1,) under a seed (2,), for a search from starts (1 or 0, n).
 

@@ -14,7 +14,7 @@ import numpy as np
 from numba import uint64
 
 from maira_qp.kernels.jit.arena import view
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.jit.simd import LANES, full, load2, select, store
 from maira_qp.kernels.layout import Feature, Joint, Setting
 from maira_qp.kernels.search.levenberg_marquardt import make_lanes, pose_cost
@@ -28,7 +28,7 @@ SWEEPS, PLACED = 200, 1e-6
 one time is enough."""
 
 
-@bare_kernel
+@kernel
 def fill_library(settings, poses, features):
     """Features (K / LANES, Feature.WIDTH, LANES) of tool poses (K, 12)."""
     turning, moving = _pose_weights(settings)
@@ -41,13 +41,13 @@ def fill_library(settings, poses, features):
         features[k // LANES, Feature.SQUARE, k % LANES] = square
 
 
-@bare_kernel
+@device_kernel
 def _pose_weights(settings):
     """Of the entries of R and of p: |R - R_d|^2 is twice the squared angle between the two where that is small."""
     return settings[Setting.ORIENTATION_WEIGHT] * np.sqrt(0.5), settings[Setting.POSITION_WEIGHT]
 
 
-@bare_kernel
+@kernel
 def find_nearest(settings, features, target, work, nearest):
     """Indices of the library's configurations to start from, into `nearest` (LANES,); `work` is (2, LANES)."""
     turning, moving = _pose_weights(settings)
@@ -75,7 +75,7 @@ def find_nearest(settings, features, target, work, nearest):
         nearest[place] = int(work[1, lane]) * LANES + lane
 
 
-@bare_kernel
+@kernel
 def random_start(chain, settings, target, candidates, at_corner, state, lanes, best):
     """The best by cost of a few random configurations, into `best` (n,), or of a few with every joint on a limit.
 
@@ -111,7 +111,7 @@ def random_start(chain, settings, target, candidates, at_corner, state, lanes, b
                     best[i] = lanes.trial[i, lane]
 
 
-@bare_kernel
+@kernel
 def has_long_slides(chain):
     """Whether there are slides that are sampled in part only."""
     found = False
@@ -120,13 +120,13 @@ def has_long_slides(chain):
     return found
 
 
-@bare_kernel
+@device_kernel
 def _is_long(chain, i):
     cut = chain[i, Joint.START_LOWER] > chain[i, Joint.LOWER] or chain[i, Joint.START_UPPER] < chain[i, Joint.UPPER]
     return chain[i, Joint.PRISMATIC] != 0.0 and cut
 
 
-@bare_kernel
+@kernel
 def place_slides(chain, settings, target, lanes, q):
     """Move the long slides of q (n,), in place, to where the tool comes nearest to the position of a target (12,).
 
@@ -153,7 +153,7 @@ def place_slides(chain, settings, target, lanes, q):
             break
 
 
-@bare_kernel
+@kernel
 def place_all(chain, settings, target, floats, starts):
     """`place_slides` of starts (N, n), in place; memory as of `make_lanes`."""
     lanes = make_lanes(starts.shape[1], floats)

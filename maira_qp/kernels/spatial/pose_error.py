@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import kernel
 from maira_qp.kernels.jit.simd import any_lane, load, most, root, select, store
 
 
-@bare_kernel
+@kernel
 def pose_error(tool, target, e):
     """Error of a pose (12,), R by rows and p, against the target (12,) into e (6,): [p_d - p; 2 log(quat(R_d R^T))]."""
     t0, t1, t2, t3, t4 = load(tool, 0), load(tool, 1), load(tool, 2), load(tool, 3), load(tool, 4)
@@ -51,7 +51,7 @@ def pose_error(tool, target, e):
     store(e, 5, factor * z)
 
 
-@bare_kernel
+@kernel
 def arctangent(t):
     """atan t [rad] for t in [0, 1], to the last digit or two.
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import kernel
 from maira_qp.kernels.jit.simd import load, load2, store, store2
 from maira_qp.kernels.layout import Setting
 from maira_qp.kernels.search.levenberg_marquardt import quadratic_model
 from maira_qp.kernels.spatial.so3 import flattening
 
 
-@bare_kernel
+@kernel
 def weigh(settings, x, y):
     """`y = W x`, both (6,)."""
     for row in range(3):
@@ -17,7 +17,7 @@ def weigh(settings, x, y):
         store(y, row + 3, settings[Setting.ORIENTATION_WEIGHT] * load(x, row + 3))
 
 
-@bare_kernel
+@kernel
 def newton_model(settings, J, e, weighted, H, c):
     """The cost's Hessian, of any definiteness, into H (n, n) and its gradient into c (n,). Work: weighted (6,)."""
     quadratic_model(settings, J, e, H, c, True)
@@ -29,7 +29,7 @@ def newton_model(settings, J, e, weighted, H, c):
     subtract_flattening(settings, J, e, H)
 
 
-@bare_kernel
+@kernel
 def add_curvature(J, weights, H):
     """Add the second derivative of the pose, its six rows weighted by `weights` (6,), to H (n, n).
 
@@ -51,7 +51,7 @@ def add_curvature(J, weights, H):
         store2(H, j, j, load2(H, j, j) + (w0 * x + w1 * y + w2 * z))
 
 
-@bare_kernel
+@kernel
 def subtract_flattening(settings, J, e, H):
     """Subtract from H (n, n) what a turn across the rotation error phi = e[3:] changes it less than by itself.
 

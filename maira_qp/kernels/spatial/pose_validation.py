@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 
 FINE, NOT_FINITE, NOT_RIGID = 0, 1, 2
 
@@ -10,7 +10,7 @@ EXACT = 1e-14
 """A rotation this near to orthonormal is taken as it is."""
 
 
-@bare_kernel
+@kernel
 def pose_row(T, within, row):
     """R by rows and p of a transformation T (4, 4) into `row` (12,), R made the nearest rotation; or what is wrong.
 
@@ -43,14 +43,14 @@ def pose_row(T, within, row):
     return FINE
 
 
-@bare_kernel
+@kernel
 def pose_rows(T, within, rows, faults):
     """`pose_row` of each of T (N, 4, 4) into rows (N, 12), and what is wrong into `faults` (N,)."""
     for k in range(len(T)):
         faults[k] = pose_row(T[k], within, rows[k])
 
 
-@bare_kernel
+@device_kernel
 def _deviation(row):
     """The largest entry of |R R^T - I|."""
     largest = 0.0
@@ -61,7 +61,7 @@ def _deviation(row):
     return largest
 
 
-@bare_kernel
+@device_kernel
 def _make_orthonormal(T, row):
     """R (I - D / 2 + 3 D^2 / 8 - 5 D^3 / 16) with D = R^T R - I, of the R in T (4, 4), into the row."""
     for k in range(9):
@@ -73,7 +73,7 @@ def _make_orthonormal(T, row):
                 row[3 * i + j] = coefficient * T[i, j] + (a * _off(T, 0, j) + b * _off(T, 1, j) + c * _off(T, 2, j))
 
 
-@bare_kernel
+@device_kernel
 def _off(T, i, j):
     """An entry of R^T R - I."""
     return T[0, i] * T[0, j] + T[1, i] * T[1, j] + T[2, i] * T[2, j] - (1.0 if i == j else 0.0)

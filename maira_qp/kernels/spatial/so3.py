@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import kernel
 from maira_qp.kernels.jit.simd import root, select
 from maira_qp.kernels.jit.simd_trig import sine_cosine
 from maira_qp.kernels.spatial.vectors import cross, dot, length
 
 
-@bare_kernel
+@kernel
 def flattening(square):
     """k for the square of an angle, in one lane or eight; 1/12 at 0."""
     half = 0.5 * root(square)
@@ -21,7 +21,7 @@ def flattening(square):
     return select(square < 1e-4, 1.0 / 12.0 + square / 720.0, (1.0 - half * cosine / sine) / square)
 
 
-@bare_kernel
+@kernel
 def flattening_slope(angle):
     """`dk/dangle / angle`; 1/360 at 0."""
     if angle < 0.1:
@@ -30,7 +30,7 @@ def flattening_slope(angle):
     return (h / math.tan(h) + (h / math.sin(h)) ** 2 - 2.0) / angle**4
 
 
-@bare_kernel
+@kernel
 def inverse_right_jacobian(phi, M):
     """`J^-1_r` into M (3, 3)."""
     x, y, z = phi
@@ -40,7 +40,7 @@ def inverse_right_jacobian(phi, M):
     M[2, 0], M[2, 1], M[2, 2] = k * x * z - 0.5 * y, k * y * z + 0.5 * x, 1.0 - k * (x * x + y * y)
 
 
-@bare_kernel
+@kernel
 def bend_of_logarithm(phi, u, M, S):
     """How `u . phi` bends by turns, S (3, 3), symmetric, beside the bend of the turns themselves; M (3, 3) is `J^-1_r`.
 
@@ -61,7 +61,7 @@ def bend_of_logarithm(phi, u, M, S):
             S[j, i] = S[i, j]
 
 
-@bare_kernel
+@kernel
 def bend_of_even_cost(phi, weight, S):
     """What a turn across phi changes the cost `1/2 |weight phi|^2` less than by itself, as S (3, 3).
 

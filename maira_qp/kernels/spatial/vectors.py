@@ -4,40 +4,40 @@ from __future__ import annotations
 
 import math
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import kernel
 
 
-@bare_kernel
+@kernel
 def dot(a, b):
     """a . b"""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@bare_kernel
+@kernel
 def cross(a, b):
     """a x b"""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@bare_kernel
+@kernel
 def scaled(s, a):
     """s a"""
     return s * a[0], s * a[1], s * a[2]
 
 
-@bare_kernel
+@kernel
 def minus(a, b):
     """a - b"""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@bare_kernel
+@kernel
 def length(a):
     """|a|"""
     return math.sqrt(dot(a, a))
 
 
-@bare_kernel
+@kernel
 def across_most(a):
     """The product of a and the first of the base axes that is most across it: across a, never zero."""
     x, y, z = abs(a[0]), abs(a[1]), abs(a[2])
@@ -48,13 +48,13 @@ def across_most(a):
     return a[1], -a[0], 0.0
 
 
-@bare_kernel
+@kernel
 def origin(pose):
     """p of a pose (12,), R by rows and p."""
     return pose[9], pose[10], pose[11]
 
 
-@bare_kernel
+@kernel
 def turned(pose, a):
     """R a"""
     x, y, z = a
@@ -65,7 +65,7 @@ def turned(pose, a):
     )
 
 
-@bare_kernel
+@kernel
 def turned_back(pose, a):
     """R^T a"""
     x, y, z = a

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.layout import Davenport
 from maira_qp.kernels.spatial.vectors import cross, dot
 
 
-@bare_kernel
+@kernel
 def davenport_angles(joint, R, reached_within, q):
     """The angles [rad] that make each of R (N, 3, 3) into q (N, 2, 3), tau = +1 first; NaN where the axes cannot.
 
@@ -39,12 +39,12 @@ def davenport_angles(joint, R, reached_within, q):
             q[k, branch, 2] = np.arctan2(dot(left, h), dot(left, e))
 
 
-@bare_kernel
+@device_kernel
 def _vector(row, k):
     return row[k], row[k + 1], row[k + 2]
 
 
-@bare_kernel
+@device_kernel
 def _times(R, k, v):
     return (
         R[k, 0, 0] * v[0] + R[k, 0, 1] * v[1] + R[k, 0, 2] * v[2],
@@ -53,7 +53,7 @@ def _times(R, k, v):
     )
 
 
-@bare_kernel
+@device_kernel
 def _turned(axis, angle, v):
     """A vector turned about a unit axis (Rodrigues)."""
     s, half = np.sin(angle), np.sin(0.5 * angle)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.jit.simd_trig import sine_cosine
 from maira_qp.kernels.layout import Axis, Elbow, Part, Range, Spherical
 from maira_qp.kernels.srs.spherical_joint import angle, discriminant
@@ -21,7 +21,7 @@ WITHIN = 1e-12
 _REACHED_WITHIN, _SINGULAR = 1e-13, 1e-8
 
 
-@bare_kernel
+@kernel
 def start(arm, target, offset, work, q):
     """Whether a configuration within the limits that reaches the target (12,) was found; it is put into q (7,) [rad].
 
@@ -49,14 +49,14 @@ def start(arm, target, offset, work, q):
     return False
 
 
-@bare_kernel
+@kernel
 def spans(arm, distance):
     """Whether shoulder and wrist come to this distance [m] from each other, whatever the limits."""
     slack = _REACHED_WITHIN * arm[Part.ELBOW, Elbow.LENGTH]
     return arm[Part.ELBOW, Elbow.SMALLEST] - slack <= distance <= arm[Part.ELBOW, Elbow.LARGEST] + slack
 
 
-@bare_kernel
+@kernel
 def bends(arm, cosine, sine, sign, q):
     """Whether the elbow is within its limits; its angle goes into q."""
     x, y = elbow_from_middle(arm, cosine, sine, sign)
@@ -66,14 +66,14 @@ def bends(arm, cosine, sine, sign, q):
     return _clip(q, 3, arm[Part.ELBOW, Elbow.LOWER], arm[Part.ELBOW, Elbow.UPPER])
 
 
-@bare_kernel
+@device_kernel
 def _put(arm, circles, c, s, q):
     """Whether shoulder and wrist have a solution at a swivel angle; it goes into q."""
     shoulder, wrist = branch_at(arm, circles, 0, c, s), branch_at(arm, circles, 1, c, s)
     return turns(arm, circles, 0, shoulder, c, s, q) and turns(arm, circles, 1, wrist, c, s, q)
 
 
-@bare_kernel
+@kernel
 def turns(arm, circles, part, tau, c, s, q):
     """Whether shoulder or wrist is within its limits on a branch at a swivel angle, 0 for none; it goes into q."""
     joint = arm[Part.SHOULDER + part]
@@ -92,7 +92,7 @@ def turns(arm, circles, part, tau, c, s, q):
     return within
 
 
-@bare_kernel
+@device_kernel
 def _clip(q, i, lower, upper):
     """Whether a joint is within its limits, or outside by rounding: then it is clipped. A continuous one has no -pi."""
     if q[i] <= -np.pi and lower == -np.inf:
@@ -103,7 +103,7 @@ def _clip(q, i, lower, upper):
     return True
 
 
-@bare_kernel
+@device_kernel
 def _roomiest(arm, circles, work):
     """The middle [rad] of the widest gap between the blocked arcs, over the branches of one elbow, and its width."""
     block(arm, circles, 0.0, 0.0, work)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.arena import Arena
-from maira_qp.kernels.jit.decorators import bare_kernel, kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.jit.simd import LANES
 from maira_qp.kernels.kinematics.serial_chain import KINEMATICS, carve_kinematics
 from maira_qp.kernels.layout import Axis, Clipped, Elbow, Outcome, Part, Range, Spherical
@@ -49,7 +49,7 @@ NEAREST = Arena(
 NearestWork, make_nearest = NEAREST.Arrays, NEAREST.make
 
 
-@kernel
+@kernel(allocates=True)
 def nearest_in_closed_form(chain, settings, arm, span, targets, streams, shuffled, tolerance, q, outcome):
     """The best stationary point of the pose error that Newton's method leads to from a few starts, into q (N, 7).
 
@@ -67,7 +67,7 @@ def nearest_in_closed_form(chain, settings, arm, span, targets, streams, shuffle
     _choose(chain, settings, targets, work.kinematics, starts, steps, q, outcome)
 
 
-@bare_kernel
+@device_kernel
 def _choose(chain, settings, targets, kinematics, ends, steps, q, outcome):
     """The best of the ends (N STARTS, 7) of each target (N, 12) into q (N, 7), and the outcomes (N, 9)."""
     axes, origins, tool, e = carve_kinematics(q.shape[1], kinematics)
@@ -86,7 +86,7 @@ def _choose(chain, settings, targets, kinematics, ends, steps, q, outcome):
                     q[k, j] = ends[i, j]
 
 
-@bare_kernel
+@device_kernel
 def _put_starts(chain, settings, arm, span, target, offset, work, starts):
     """The starts (STARTS, 7) of a target (12,); rows are NaN where there are less."""
     moved, candidates, costs = work.moved, work.candidates, work.costs
@@ -109,7 +109,7 @@ def _put_starts(chain, settings, arm, span, target, offset, work, starts):
         costs[best] = np.inf
 
 
-@bare_kernel
+@device_kernel
 def _move_within(arm, span, target, moved):
     """A target (12,) moved along the line from the shoulder to its wrist, to a distance within the span (2,) [m]."""
     x, y, z = arm[Part.ELBOW, Elbow.LEVER], arm[Part.ELBOW, Elbow.LEVER + 1], arm[Part.ELBOW, Elbow.LEVER + 2]
@@ -131,7 +131,7 @@ def _move_within(arm, span, target, moved):
         moved[i] = target[i]
 
 
-@bare_kernel
+@device_kernel
 def _clipped_branches(arm, target, work, parts, candidates, misses):
     """A configuration within the limits for each branch, into candidates (8, 7) [rad].
 
@@ -160,7 +160,7 @@ def _clipped_branches(arm, target, work, parts, candidates, misses):
             c, s = c * _COS - s * _SIN, s * _COS + c * _SIN
 
 
-@bare_kernel
+@device_kernel
 def _clip_parts(arm, circles, c, s, parts):
     """Shoulder and wrist on both branches at a swivel angle: parts (2, 2, 4), three clipped angles and their miss."""
     for part in range(2):

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.arena import Arena
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.jit.simd import LANES, full, load, most, root, select, store
 from maira_qp.kernels.jit.simd_trig import sine_cosine
 from maira_qp.kernels.layout import Axis, Outcome, Part, Range, SeedLanes, Spherical
@@ -34,7 +34,7 @@ SEEDING = Arena("Seeding", floats={"lanes": f"{SeedLanes.WIDTH}, {LANES}", "post
 Seeding, carve_seeding = SEEDING.Arrays, SEEDING.carve
 
 
-@bare_kernel
+@kernel
 def reach_near_posture(
     chain, settings, arm, targets, reference, weights, floats, integers, seeding, kinematics, q, outcome
 ):
@@ -59,7 +59,7 @@ def reach_near_posture(
             confirm(chain, settings, targets[k], kinematics, q[k], outcome[k])
 
 
-@bare_kernel
+@device_kernel
 def _start(arm, target, postures, elbow_reference, elbow_weight, work, lanes, q):
     """Whether a configuration within the limits that reaches the target (12,) was found; it is put into q (7,) [rad].
 
@@ -94,7 +94,7 @@ def _start(arm, target, postures, elbow_reference, elbow_weight, work, lanes, q)
     )
 
 
-@bare_kernel
+@device_kernel
 def _try(arm, circles, postures, bent, elbow, lanes):
     """Try swivel angles for an elbow that costs `bent`; the best one a lane, and how it was found, go into `lanes`."""
     step_s, step_c = sine_cosine(TURN / (LANES * ROUNDS))
@@ -112,7 +112,7 @@ def _try(arm, circles, postures, bent, elbow, lanes):
     store(lanes, SeedLanes.CHOICE, choice)
 
 
-@bare_kernel
+@device_kernel
 def _part(arm, circles, postures, part, c, s):
     """What shoulder or wrist costs at swivel angles, infinity outside the limits, and the better branch, 0 or 1."""
     joint, posture = arm[Part.SHOULDER + part], postures[part]
@@ -145,7 +145,7 @@ def _part(arm, circles, postures, part, c, s):
     return select(square >= 0.0, lowest, np.inf), branch
 
 
-@bare_kernel
+@kernel
 def half_square(joint, posture, which, x, y):
     """Half the weight times the squared distance of an angle, (x, y) from the middle of its range, from the posture."""
     c, s, weight = posture[which, 0], posture[which, 1], posture[which, 2]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import kernel
 from maira_qp.kernels.kinematics.serial_chain import carve_kinematics
 from maira_qp.kernels.layout import Outcome, Setting
 from maira_qp.kernels.search.levenberg_marquardt import is_reached, pose_cost, squares
@@ -15,7 +15,7 @@ from maira_qp.kernels.srs.unreachability import POSSIBLE, verdict
 TURN = 2.0 * np.pi / 2.0**32
 
 
-@bare_kernel
+@kernel
 def reach_in_closed_form(
     chain, settings, arm, targets, streams, shuffled, floats, integers, pieces, kinematics, q, outcome
 ):
@@ -37,7 +37,7 @@ def reach_in_closed_form(
                 outcome[k, Outcome.SUCCESS] = Outcome.PROVED
 
 
-@bare_kernel
+@kernel
 def confirm(chain, settings, target, kinematics, q, outcome):
     """Make the outcome (7,) a success if q (7,) reaches the target (12,), else leave it as it is."""
     axes, origins, tool, e = carve_kinematics(len(q), kinematics)

@@ -24,14 +24,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import kernel
 from maira_qp.kernels.layout import Axis, Range, Spherical
 
 UNLIMITED = -2.0
 """Less than any cosine."""
 
 
-@bare_kernel
+@kernel
 def discriminant(joint, which, z, p, r):
     """s^2, the same from the pair (p, r) of the first joint and from that of the last; below 0 without a solution."""
     own, other = (
@@ -41,7 +41,7 @@ def discriminant(joint, which, z, p, r):
     return joint[own + 1] * joint[own + 1] * (p * p + r * r) - m * m
 
 
-@bare_kernel
+@kernel
 def from_middle(joint, which, z, p, r, square, tau):
     """How far one of the joints is from the middle of its range, on the branch tau: (x, y, scale), for s^2 = square.
 
@@ -61,13 +61,13 @@ def from_middle(joint, which, z, p, r, square, tau):
     return p * m + r * n, r * m - p * n, joint[own + 1] * across if square > 0.0 else abs(m) * np.sqrt(across)
 
 
-@bare_kernel
+@kernel
 def cos_half(joint, which):
     """The cosine of half the range of one of the joints; UNLIMITED for a turn or more."""
     return joint[Spherical.RANGES + Range.WIDTH * which + Range.COS_HALF]
 
 
-@bare_kernel
+@kernel
 def is_reached(joint, z, p, r, p_last, r_last, square, tau):
     """Whether the branch tau, which has a solution, has it within the limits."""
     x, _, scale = from_middle(joint, Axis.FIRST, z, p, r, square, tau)
@@ -80,7 +80,7 @@ def is_reached(joint, z, p, r, p_last, r_last, square, tau):
     return x >= cos_half(joint, Axis.LAST) * scale
 
 
-@bare_kernel
+@kernel
 def angle(joint, which, z, p, r, square, tau):
     """The angle [rad] of one of the joints, within half a turn of the middle of its range; see `from_middle`."""
     x, y, _ = from_middle(joint, which, z, p, r, square, tau)

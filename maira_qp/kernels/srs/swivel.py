@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.layout import Axis, Elbow, Part, Sinusoid, Spherical
 from maira_qp.kernels.srs.spherical_joint import discriminant, is_reached
 
@@ -31,7 +31,7 @@ _COS_GOLDEN, _SIN_GOLDEN = np.cos(np.pi * (3 - np.sqrt(5))), np.sin(np.pi * (3 -
 _SMALL = 1e-9
 
 
-@bare_kernel
+@kernel
 def approach(arm, target, base):
     """Distance [m] of shoulder and wrist at a target (12,); both first frames, on the line, into base (2, 9)."""
     x, y, z = arm[Part.ELBOW, Elbow.LEVER], arm[Part.ELBOW, Elbow.LEVER + 1], arm[Part.ELBOW, Elbow.LEVER + 2]
@@ -65,7 +65,7 @@ def approach(arm, target, base):
     return distance
 
 
-@bare_kernel
+@device_kernel
 def _across(lx, ly, lz, x, y, z):
     """The unit vector across a line that is nearest to (x, y, z); where that is along it, the one that `srs` takes."""
     along = lx * x + ly * y + lz * z
@@ -86,7 +86,7 @@ def _across(lx, ly, lz, x, y, z):
     return x / length, y / length, z / length
 
 
-@bare_kernel
+@kernel
 def bend(arm, distance):
     """Cosine and sine of theta = |q_4 - phi|, which puts the wrist at this distance [m] within the annulus."""
     smallest, largest = arm[Part.ELBOW, Elbow.SMALLEST], arm[Part.ELBOW, Elbow.LARGEST]
@@ -95,14 +95,14 @@ def bend(arm, distance):
     return (long - short) / (long + short), 2.0 * np.sqrt(short * long) / (long + short)
 
 
-@bare_kernel
+@kernel
 def elbow_from_middle(arm, cosine, sine, sign):
     """Cosine and sine of q_4 less the middle of its range, for theta as of `bend` on the side of `sign`."""
     a, b = arm[Part.ELBOW, Elbow.COS_FROM_MIDDLE], arm[Part.ELBOW, Elbow.SIN_FROM_MIDDLE]
     return a * cosine - sign * b * sine, b * cosine + sign * a * sine
 
 
-@bare_kernel
+@kernel
 def swing(arm, base, cosine, sine, sign, circles):
     """The sinusoids of shoulder and wrist for an elbow, see `bend`, into circles (2, 15): z, p, r, p', r' of each.
 
@@ -131,7 +131,7 @@ def swing(arm, base, cosine, sine, sign, circles):
     return flat > _SMALL * arm[Part.ELBOW, Elbow.LENGTH]
 
 
-@bare_kernel
+@device_kernel
 def _sinusoid(base, part, k, w0, w1, w2, circles, at):
     """u . A w for u, which stands in `base` from k on."""
     u0, u1, u2 = base[part, k], base[part, k + 1], base[part, k + 2]
@@ -140,13 +140,13 @@ def _sinusoid(base, part, k, w0, w1, w2, circles, at):
     circles[part, at + 2] = u2 * w1 - u1 * w2
 
 
-@bare_kernel
+@kernel
 def value_at(circles, part, k, c, s):
     """One of the sinusoids at psi with cosine c and sine s."""
     return circles[part, k] + circles[part, k + 1] * c + circles[part, k + 2] * s
 
 
-@bare_kernel
+@kernel
 def values_at(circles, part, c, s):
     """z, p, r, p', r' of the shoulder (part 0) or the wrist (part 1) at psi with cosine c and sine s."""
     return (
@@ -158,7 +158,7 @@ def values_at(circles, part, c, s):
     )
 
 
-@bare_kernel
+@kernel
 def branch_at(arm, circles, part, c, s):
     """The branch, +1 or -1, on which shoulder or wrist are within the limits at psi; 0 without one."""
     joint = arm[Part.SHOULDER + part]
@@ -171,7 +171,7 @@ def branch_at(arm, circles, part, c, s):
     return -1.0 if is_reached(joint, z, p, r, p_last, r_last, square, -1.0) else 0.0
 
 
-@bare_kernel
+@kernel
 def first_within(arm, circles, c, s):
     """Cosine and sine of a swivel angle at which shoulder and wrist are within their limits, and whether there is one.
 

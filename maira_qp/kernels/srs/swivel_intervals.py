@@ -25,7 +25,7 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.arena import Arena
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.jit.simd_trig import sine_cosine
 from maira_qp.kernels.layout import Arc, Axis, CriticalArc, Hindrance, Limit, Part, Sinusoid, Spherical
 from maira_qp.kernels.srs.spherical_joint import UNLIMITED, cos_half, discriminant, from_middle
@@ -59,14 +59,14 @@ INTERVALS = Arena(
 Intervals, carve_intervals = INTERVALS.Arrays, INTERVALS.carve
 
 
-@bare_kernel
+@kernel
 def block(arm, circles, shoulder, wrist, work):
     """Find the blocked arcs of shoulder and wrist for one elbow; `shoulder` and `wrist` are their margins eta [rad]."""
     _block(arm[Part.SHOULDER], circles, 0, shoulder, work.critical, work.arcs[0], work.lengths[0])
     _block(arm[Part.WRIST], circles, 1, wrist, work.critical, work.arcs[1], work.lengths[1])
 
 
-@bare_kernel
+@device_kernel
 def _block(joint, circles, part, eta, critical, arcs, lengths):
     """The blocked arcs (2, ARCS, 3) of both branches of the shoulder (part 0) or the wrist (part 1)."""
     count = _holes(joint, circles, part, eta, critical, arcs, lengths)
@@ -84,7 +84,7 @@ def _block(joint, circles, part, eta, critical, arcs, lengths):
                 )
 
 
-@bare_kernel
+@device_kernel
 def _holes(joint, circles, part, eta, critical, arcs, lengths):
     """Critical arcs in holes, which are blocked as well. Returns how many."""
     count = 0
@@ -108,7 +108,7 @@ def _holes(joint, circles, part, eta, critical, arcs, lengths):
     return count
 
 
-@bare_kernel
+@device_kernel
 def _near_limit(joint, circles, part, eta, which, side, critical, count):
     """Add the critical arcs of one limit, side 0 the lower and 1 the upper; returns how many there are then."""
     k = Spherical.LIMITS + Limit.WIDTH * (2 * which + side)
@@ -142,7 +142,7 @@ def _near_limit(joint, circles, part, eta, which, side, critical, count):
     return count
 
 
-@bare_kernel
+@device_kernel
 def _cells(joint, circles, part, which, tau, critical, count, arcs, length):
     """Add the cells in which a joint is outside on a branch; returns how many arcs there are then."""
     end = -np.inf
@@ -160,13 +160,13 @@ def _cells(joint, circles, part, which, tau, critical, count, arcs, length):
     return length
 
 
-@bare_kernel
+@device_kernel
 def _concerns(critical, k, which, tau):
     of_joint = critical[k, CriticalArc.JOINT] == which or critical[k, CriticalArc.JOINT] == CriticalArc.ALL
     return of_joint and (critical[k, CriticalArc.TAU] == tau or critical[k, CriticalArc.TAU] == CriticalArc.BOTH)
 
 
-@bare_kernel
+@device_kernel
 def _add_if_outside(joint, circles, part, which, tau, lower, upper, arcs, length):
     s, c = sine_cosine(0.5 * (lower + upper))
     z = value_at(circles, part, Sinusoid.Z, c, s)
@@ -181,19 +181,19 @@ def _add_if_outside(joint, circles, part, which, tau, lower, upper, arcs, length
     return length
 
 
-@bare_kernel
+@device_kernel
 def _reason(part, which, what):
     """Number of a joint and what is in the way: the shoulder's are the first three, the wrist's the last, backwards."""
     return 3.0 * (which if part == 0 else 6 - which) + what
 
 
-@bare_kernel
+@device_kernel
 def _polar(constant, cosine, sine):
     """constant + amplitude cos(psi - apex): (constant, amplitude > 0, apex) of a sinusoid."""
     return constant, max(np.sqrt(cosine * cosine + sine * sine), 1e-300), np.arctan2(sine, cosine)
 
 
-@bare_kernel
+@device_kernel
 def _add(critical, count, centre, half, tau, which):
     """Add the critical arc [centre - half, centre + half]."""
     lower = centre - half
@@ -203,7 +203,7 @@ def _add(critical, count, centre, half, tau, which):
     return count + 1
 
 
-@bare_kernel
+@device_kernel
 def _sort(critical, count):
     """By their lower ends."""
     for i in range(1, count):
@@ -216,7 +216,7 @@ def _sort(critical, count):
         critical[k, 0], critical[k, 1], critical[k, 2], critical[k, 3] = lower, upper, tau, which
 
 
-@bare_kernel
+@kernel
 def cover(work, shoulder, wrist, pieces):
     """Whether the blocked arcs of a branch of the shoulder and one of the wrist cover the circle.
 
@@ -233,7 +233,7 @@ def cover(work, shoulder, wrist, pieces):
     return True
 
 
-@bare_kernel
+@kernel
 def widest_gap(work, shoulder, wrist):
     """The ends of the widest gap that the blocked arcs of two branches leave in [-pi, pi], see `cover`."""
     at, lower, upper = -np.pi, 0.0, 0.0
@@ -247,7 +247,7 @@ def widest_gap(work, shoulder, wrist):
     return lower, upper
 
 
-@bare_kernel
+@device_kernel
 def _reach(work, shoulder, wrist, at):
     """The farthest end of an arc that holds `at`, and its reason; `at` itself if none does."""
     end, reason = at, 0.0
@@ -261,7 +261,7 @@ def _reach(work, shoulder, wrist, at):
     return end, reason
 
 
-@bare_kernel
+@device_kernel
 def _next(work, shoulder, wrist, at):
     """Where the next arc begins after `at`; pi if none does."""
     begin = np.pi

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.layout import Arc, Elbow, Hindrance, Part
 from maira_qp.kernels.srs.swivel import approach, bend, elbow_from_middle, first_within, swing
 from maira_qp.kernels.srs.swivel_intervals import block, carve_intervals, cover
@@ -35,7 +35,7 @@ LARGE = 0.1
 """With a larger margin [rad] no proof is tried."""
 
 
-@bare_kernel
+@kernel
 def verdicts(arm, targets, position_tolerance, orientation_tolerance, floats, integers, pieces, codes):
     """`verdict` of each of targets (N, 12) into codes (N,); floats and integers are memory, see `INTERVALS`."""
     work = carve_intervals(floats, integers)
@@ -43,7 +43,7 @@ def verdicts(arm, targets, position_tolerance, orientation_tolerance, floats, in
         codes[k] = verdict(arm, targets[k], position_tolerance, orientation_tolerance, work, pieces)
 
 
-@bare_kernel
+@kernel
 def verdict(arm, target, position_tolerance, orientation_tolerance, work, pieces):
     """Why no pose within the tolerances [m, rad] of a target (12,) can be reached; POSSIBLE where that is not proved.
 
@@ -89,7 +89,7 @@ def verdict(arm, target, position_tolerance, orientation_tolerance, work, pieces
     return SWIVEL_BLOCKED
 
 
-@bare_kernel
+@device_kernel
 def _ball(arm, target, position_tolerance, orientation_tolerance):
     """How far [m] the wrist can be from where a target has it; NaN for what is not finite."""
     total, farthest = 0.0, 0.0
@@ -105,7 +105,7 @@ def _ball(arm, target, position_tolerance, orientation_tolerance):
     return position_tolerance + lever * orientation_tolerance + rounding
 
 
-@bare_kernel
+@device_kernel
 def _elbows_outside(arm, cosine, sine, delta, pieces):
     """How many of the elbow's angles are outside its limits by more than delta [rad]; the reasons go into `pieces`."""
     outside = 0
@@ -117,7 +117,7 @@ def _elbows_outside(arm, cosine, sine, delta, pieces):
     return outside
 
 
-@bare_kernel
+@device_kernel
 def _elbow(arm, cosine, sine, sign, delta):
     """The reason why the elbow is outside its limits by more than delta [rad]; -1 where it is not."""
     c, s = arm[Part.ELBOW, Elbow.COS_HALF], arm[Part.ELBOW, Elbow.SIN_HALF]
@@ -129,14 +129,14 @@ def _elbow(arm, cosine, sine, sign, delta):
     return 3.0 * 3 + (Hindrance.UPPER_LIMIT if y > 0.0 else Hindrance.LOWER_LIMIT)
 
 
-@bare_kernel
+@device_kernel
 def _is_solved(arm, circles, cosine, sine, sign):
     """Whether the elbow is within its limits, and the rest of the arm at one of a few swivel angles."""
     within = elbow_from_middle(arm, cosine, sine, sign)[0] >= arm[Part.ELBOW, Elbow.COS_HALF]
     return within and first_within(arm, circles, 1.0, 0.0)[2]
 
 
-@bare_kernel
+@device_kernel
 def _is_covered(arm, work, elbow, shoulder, wrist, pieces):
     """Whether the blocked arcs cover the circle on all four branches of an elbow, with the margins of both parts."""
     block(arm, work.circles[elbow], shoulder, wrist, work)

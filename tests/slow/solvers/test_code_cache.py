@@ -13,7 +13,7 @@ from numba import config
 import maira_qp
 from maira_qp.apps.cli import main
 from maira_qp.kernels.jit import code_cache
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import kernel
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
 
@@ -36,9 +36,9 @@ def use(folder, monkeypatch, caplog):
     def run(argument=1.0):
         monkeypatch.setattr(code_cache, "_told", set())
         caplog.clear()
-        kernel = bare_kernel(twice_and_one)
-        value = kernel(argument)
-        return value, sum(kernel.stats.cache_hits.values()), "\n".join(caplog.messages)
+        compiled = kernel(twice_and_one)
+        value = compiled(argument)
+        return value, sum(compiled.stats.cache_hits.values()), "\n".join(caplog.messages)
 
     return run
 
@@ -59,7 +59,7 @@ def test_code_is_compiled_once_for_each_type_of_argument(use, folder):
 def test_the_announcement_is_made_once_in_a_process(use, caplog):
     use()
     caplog.clear()
-    assert bare_kernel(twice_and_one)(1) == 3.0
+    assert kernel(twice_and_one)(1) == 3.0
     assert caplog.messages == []
 
 
@@ -211,17 +211,17 @@ def test_the_command_shows_and_clears(use, folder, capsys):
 
 KERNELS = Path(maira_qp.__file__).parent / "kernels"
 INNER = """
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import kernel
 
-@bare_kernel
+@kernel
 def twice(x):
     return 2.0 * x
 """
 OUTER = """
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import kernel
 from maira_qp.kernels.inner import twice
 
-@bare_kernel
+@kernel
 def twice_and_one(x):
     return twice(x) + 1.0
 """
@@ -260,7 +260,7 @@ def start(package, tmp_path):
     return popen
 
 
-def test_an_edit_of_an_inner_kernel_is_never_missed(start, package, tmp_path):
+def test_an_edit_of_a_kernel_inside_another_is_never_missed(start, package, tmp_path):
     """In processes of their own: compiled, found again, compiled after the edit, and found when that is taken back."""
     announced = f"{code_cache.ANNOUNCEMENT}\n"
     assert start().communicate() == ("3.0 0\n", announced)

@@ -10,7 +10,7 @@ from support.compiled_problems import rubbish
 
 import maira_qp.kernels
 from maira_qp.kernels.jit.arena import Arena
-from maira_qp.kernels.jit.decorators import bare_kernel, kernel
+from maira_qp.kernels.jit.decorators import kernel
 from maira_qp.kernels.jit.simd import LANES, store
 from maira_qp.kernels.layout import Descent
 from maira_qp.kernels.search.levenberg_marquardt import LANES_ARENA, make_lanes
@@ -56,7 +56,7 @@ def test_the_type_of_an_arenas_arrays_can_be_kept_on_disk(arena):
     assert getattr(sys.modules[arena.Arrays.__module__], arena.Arrays.__name__) is arena.Arrays
 
 
-@bare_kernel
+@kernel
 def fill(n, m, floats, integers, shapes):
     """Write into each array of `MIXED` its own number everywhere."""
     work = carve_mixed(n, m, floats, integers)
@@ -89,7 +89,7 @@ def test_a_kernel_has_arrays_of_the_shapes_that_are_declared(n, m):
         assert (array == number).all()
 
 
-@bare_kernel
+@kernel
 def number(n, floats):
     """Write into each array of `WIDE` its own number everywhere."""
     work = carve_wide(n, floats)
@@ -114,7 +114,7 @@ def test_arrays_with_lanes_begin_on_lines_of_the_cache_wherever_the_memory_begin
         assert (array == expected).all()
 
 
-@kernel
+@kernel(allocates=True)
 def sum_of_made(n, m):
     """Make arrays twice, so that the first may be given back; what is in the second."""
     total = 0.0
@@ -139,6 +139,6 @@ def test_lanes_are_made_with_all_descents_ended():
     assert (LANES_ARENA.plain(n, *memory).state[Descent.ENDED] == 1.0).all()
 
 
-@bare_kernel
+@kernel
 def make_lanes_from_python(n, floats):
     make_lanes(n, floats)

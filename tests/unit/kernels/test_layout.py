@@ -5,7 +5,7 @@ import pytest
 
 from maira_qp.kernels import layout
 from maira_qp.kernels.jit.columns import Columns
-from maira_qp.kernels.jit.decorators import bare_kernel
+from maira_qp.kernels.jit.decorators import kernel
 
 WHOLE_ROWS = (
     *(layout.Setting, layout.Descent, layout.Slot, layout.Lane, layout.Settling, layout.Refinement, layout.Walk),
@@ -22,7 +22,7 @@ class Pair(Columns):
     NOTHING = -1.0
 
 
-@bare_kernel
+@kernel
 def swapped(row, out):
     for i in range(Pair.WIDTH):
         out[i] = Pair.NOTHING
