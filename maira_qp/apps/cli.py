@@ -13,6 +13,7 @@ from typing import Annotated, Any, get_args
 import tyro
 
 import maira_qp
+from maira_qp.apps.arguments.naming import in_flags
 from maira_qp.apps.commands.bench import Bench
 from maira_qp.apps.commands.cache import Cache
 from maira_qp.apps.commands.compare import Compare
@@ -110,11 +111,18 @@ def _run(arguments: list[str]) -> int:
     except BrokenPipeError:
         raise
     except (MairaError, OSError) as reason:
-        told = reason.for_shell if isinstance(reason, MairaError) else str(reason)
+        told = in_flags(_words(reason), arguments)
         print(f"maira-qp: error: {' '.join(told.split())}", file=sys.stderr)  # noqa: T201
         return MISUSE
     except SystemExit as end:  # help or completions (0, None), or what cannot be parsed (2), was printed
         return MISUSE if isinstance(end.code, str) else end.code or 0
+
+
+def _words(reason: MairaError | OSError) -> str:
+    """What went wrong, in words of the command line."""
+    if isinstance(reason, MairaError):
+        return reason.for_shell
+    return str(reason) if reason.filename is None else f"{reason.strerror}: {str(reason.filename)!r}"
 
 
 def parse(arguments: list[str]) -> Command:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from maira_qp.errors import OptionError
+from maira_qp.problem.targets import FARTHEST
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.solver import Solver
 
@@ -46,8 +47,8 @@ def reach_slice(
         raise OptionError(f"plane must be one of {', '.join(PLANES)}, got {plane!r}")
     if cells < 2:
         raise OptionError(f"cells must be 2 or more, got {cells}")
-    if not np.isfinite(at):
-        raise OptionError(f"the place of the plane must be finite, got {at}")
+    if not abs(at) <= FARTHEST * solver.robot.length:
+        raise OptionError(f"at must be within {FARTHEST:g} times the arm's length, got {at}")
     first, second = ("xyz".index(axis) for axis in plane)
     x, y = _window(solver.robot, [first, second], cells)
     targets = np.tile(np.eye(4), (cells, cells, 1, 1))

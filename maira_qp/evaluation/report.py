@@ -142,7 +142,7 @@ def versions(*packages: str) -> dict[str, str | None]:
     for package in packages:
         try:
             found[package] = version(package)
-        except PackageNotFoundError:
+        except (PackageNotFoundError, ValueError):  # or no name of a package
             found[package] = None
     return found
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +17,8 @@ def replacing(path: str | Path) -> Iterator[BinaryIO]:
     Whoever reads `path` finds the old file or the new one, never a part. Raises `OSError`.
     """
     path = Path(path)
+    if not path.name:  # the root, or the working directory
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:

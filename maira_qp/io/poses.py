@@ -70,7 +70,7 @@ class Poses:
 def check_format(path: Path) -> None:
     """Whether files of this name can be read and written. Raises `OptionError`."""
     if path.suffix.lower() not in FORMATS:
-        raise OptionError(f"a file of poses ends in {', '.join(FORMATS)}, not {path.name!r}")
+        raise OptionError(f"a file of poses ends in {', '.join(FORMATS)}, not {str(path)!r}")
     if path.suffix.lower() == ".parquet":
         check_pyarrow()
 

@@ -108,7 +108,7 @@ def _unit_quaternion(value: Any, project: bool) -> np.ndarray:
     q = real_array(value, (4,), "quaternion (w, x, y, z)", PoseError)
     largest = np.abs(q).max()
     if largest == 0:
-        raise PoseError("a zero quaternion has no direction")
+        raise PoseError("the quaternion is zero: it has no direction")
     norm = largest * np.linalg.norm(q / largest)
     deviation = abs(norm - 1)
     if not project and deviation > ROUNDED_WITHIN:

@@ -80,12 +80,12 @@ class Angles:
         self._names = robot.joint_names
         self._scale = np.where(robot.slides, 1.0, self.one)
 
-    def read(self, values: Any) -> np.ndarray:
+    def read(self, values: Any, name: str) -> np.ndarray:
         """Joint values (n,) as given, in rad and m. Raises `ConfigurationError` if they are not n finite numbers."""
         if len(values) != len(self._names):
-            names = ", ".join(self._names)
-            raise ConfigurationError(f"give {len(self._names)} joint values, not {len(values)}: those of {names}")
-        return real_array(values, self._scale.shape, "the joint values", ConfigurationError) / self._scale
+            count, names = len(self._names), ", ".join(self._names)
+            raise ConfigurationError(f"{name}: give {count} joint values, not {len(values)}: those of {names}")
+        return real_array(values, self._scale.shape, name, ConfigurationError) / self._scale
 
     def write(self, q: np.ndarray) -> np.ndarray:
         """Joint values (n,) in rad and m, in the units asked for."""

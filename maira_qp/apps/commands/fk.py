@@ -34,7 +34,7 @@ class Fk:
 
         robot = self.choice.load()
         angles = Angles(robot, self.deg)
-        q = angles.read(np.zeros(robot.n) if not self.q else self.q)
+        q = angles.read(self.q or np.zeros(robot.n), "the joint values")
         T = robot.forward(q).homogeneous
         hint = degrees_hint(q, robot, "the configuration")
         found = {

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from maira_qp.apps.arguments.output import Angles
     from maira_qp.robots.model.robot import Robot
 
+FINEST = 2400
+"""Dots an inch at most: a picture of some 20,000 x 10,000."""
 AT_REST = 1e-5
 """A path ends where no joint is faster than this [rad/s or m/s]."""
 
@@ -40,7 +42,7 @@ class Picture(ABC):
     output: Path | None = None
     """File of the picture, .png, .svg or .pdf; none: a .png in the folder output."""
     dpi: float = 150.0
-    """Dots an inch of a .png; > 0."""
+    """Dots an inch of a .png; > 0, at most 2400."""
     deg: tyro.conf.FlagCreatePairsOff[bool] = False
     """Joint values and --rpy in degrees."""
 
@@ -50,8 +52,8 @@ class Picture(ABC):
 
         path = self.output or Path("output") / f"{self.name}.png"
         check_picture(path)
-        if not 0 < self.dpi < np.inf:
-            raise OptionError(f"--dpi must be a positive number, got {self.dpi}")
+        if not 0 < self.dpi <= FINEST:
+            raise OptionError(f"--dpi must be a positive number, at most {FINEST}, got {self.dpi}")
         robot = self.choice.load()
         from maira_qp.apps import plots  # not before it is known to be installed
 
@@ -87,7 +89,7 @@ class Convergence(Picture):
         seed, target = checked_seed(self.seed), self.pose.load(angles)
         solver = Solver(robot, redundancy=self.redundancy.load(), options=self.options)
         visited: list[np.ndarray] = []
-        q0 = None if self.q0 is None else angles.read(self.q0)
+        q0 = None if self.q0 is None else angles.read(self.q0, "--q0")
         solution = solver.solve(target, q0=q0, rng=seed, observe=visited.append)
         made = plots.figure(size=(7.0, 3.6))
         plots.convergence(made.axes[0], solver, target, np.array(visited))
@@ -223,7 +225,7 @@ class JointPaths(Picture):
             raise OptionError(f"--dt and --seconds must be positive, --dt the smaller; got {self.dt}, {self.seconds}")
         target = self.pose.load(angles)
         solver = Solver(robot, redundancy=self.redundancy.load(), options=self.options)
-        path = [robot.middle if self.q0 is None else robot.clip(angles.read(self.q0))]
+        path = [robot.middle if self.q0 is None else robot.clip(angles.read(self.q0, "--q0"))]
         velocity = np.zeros(robot.n)
         for _ in range(round(self.seconds / self.dt)):
             tick = solver.step(path[-1], target, self.dt, velocity=velocity)

@@ -86,7 +86,7 @@ class Solve:
         redundancy = self.redundancy.load()
         robot = self.choice.load()
         angles = Angles(robot, self.deg)
-        q0 = None if self.q0 is None else angles.read(self.q0)
+        q0 = None if self.q0 is None else angles.read(self.q0, "--q0")
         others = ", or --batch FILE with many"
         target = self.pose.load(angles, others, log_hint=self.all) if self.batch is None else None
         solver = Solver(robot, redundancy=redundancy, backend=self.backend, options=self.options)

@@ -105,7 +105,7 @@ def test_misuse_is_2_with_one_line(run, tmp_path):
     (tmp_path / "broken.urdf").write_text("<robot><link")
     for arguments, message in (
         (("solve",), "--position"),
-        ((*at, "--quaternion", 0, 0, 0, 0), "zero quaternion"),
+        ((*at, "--quaternion", 0, 0, 0, 0), "quaternion is zero"),
         ((*at, "--quaternion", 1, 1, 0, 0), "norm"),
         ((*at, "--quaternion", 1, 0, 0, 0, "--rpy", 0, 0, 0), "quaternion and rpy"),
         (("solve", "--position", "nan", 0, 0), "finite"),
@@ -115,7 +115,7 @@ def test_misuse_is_2_with_one_line(run, tmp_path):
         ((*at, "--weight", 1e-3), "--redundancy weighted"),
         ((*at, "--redundancy", "weighted", "--weight", -1), "positive"),
         ((*at, "--seed", -1), "--seed"),
-        ((*at, "--position-tolerance", -1), "position_tolerance"),
+        ((*at, "--position-tolerance", -1), "--position-tolerance must be"),
         ((*at, "--tip", "toool0"), "did you mean 'tool0'"),
         ((*at, "--robot", "panda"), "valid: maira, iiwa14"),
         ((*at, "--robot", tmp_path / "none.urdf"), "none.urdf"),
@@ -357,7 +357,7 @@ def test_plot_writes_nothing_on_bad_input(run, tmp_path, monkeypatch):
         (("self-motion", "--position", 9, 0, 0), "no configuration"),
         (("self-motion", *POSE, "--robot", "scara.toml"), "S-R-S"),
         (("reach", "--cells", 1), "cells"),
-        (("reach", "--at", "nan"), "finite"),
+        (("reach", "--at", "nan"), "--at must be within"),
         (("path", *POSE, "--dt", 0), "--dt"),
         (("path", *POSE, "--dt", 2, "--seconds", 1), "--dt"),
     ):

@@ -94,7 +94,7 @@ def test_projection_takes_the_rotation_out_of_any_scale(size):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"quaternion": [0, 0, 0, 0]}, "zero quaternion"),
+        ({"quaternion": [0, 0, 0, 0]}, "quaternion is zero"),
         ({"quaternion": [2, 0, 0, 0]}, "norm is 2"),
         ({"quaternion": [1, 0, 0]}, r"shape \(4,\)"),
         ({"quaternion": [np.nan, 0, 0, 1]}, "finite"),
