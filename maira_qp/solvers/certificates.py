@@ -89,7 +89,8 @@ class Proofs:
         if not count:
             return None
         ends, tests = boxes[:count, : 2 * n].reshape(count, 2, n), boxes[:count, 2 * n :].astype(int)
-        sides = np.array([self._side(box, *test, target) for box, test in zip(ends, tests, strict=True)])
+        each = zip(ends, tests.tolist(), strict=True)
+        sides = np.array([self._side(box, point, pivot, target) for box, (point, pivot) in each])
         return BoxProof(ends.copy(), tests, sides, self.points[:, :3], self.pivots, self.problem.robot.joint_names)
 
     def _side(self, box: np.ndarray, point: int, pivot: int, target: pin.SE3) -> int:

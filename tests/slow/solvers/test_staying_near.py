@@ -101,6 +101,46 @@ def test_no_joint_ends_a_turn_too_far_from_the_start(name, backend, rng):
             assert not (fits & (np.abs(turned - q0) < np.abs(q - q0) - 1e-6)).any()
 
 
+def wide_urdf(mimic: str = "") -> str:
+    """Two arms of six joints on a torso, all limits 7 rad; the fifth joint on the left as the element says."""
+    ways = [("0 0 0.3", 3), ("0 0 0.1", 2), ("0.4 0 0", 2), ("0.3 0 0", 1), ("0.1 0 0", 2), ("0.1 0 0", 1)]
+    names = [("torso", "base", "chest", "0 0 0.5", 3)]
+    for side in ("left", "right"):
+        links = ["chest", *(f"{side}_link{k}" for k in range(6))]
+        y = 0.2 if side == "left" else -0.2
+        names += [(f"{side}{k}", links[k], links[k + 1], xyz, axis) for k, (xyz, axis) in enumerate(ways)]
+        names[-6] = (*names[-6][:3], f"0 {y} 0.3", 3)
+    joints = [
+        f'<link name="{child}"/><joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{xyz}"/><axis xyz="{" ".join(str(int(axis == i)) for i in (1, 2, 3))}"/>'
+        f'<limit lower="-7" upper="7" velocity="3" effort="9"/>{mimic if name == "left4" else ""}</joint>'
+        for name, parent, child, xyz, axis in names
+    ]
+    return f'<robot name="wide"><link name="base"/>{"".join(joints)}</robot>'
+
+
+@pytest.mark.parametrize("multiplier", [None, 1, -1, 2, 0.5])
+def test_no_joint_of_a_tree_or_that_leads_another_ends_a_turn_too_far_from_the_start(multiplier, rng):
+    """Two arms on a torso; one arm of which a joint follows another, so that not every turn of that is a whole one."""
+    follows = "" if multiplier is None else f'<mimic joint="left2" multiplier="{multiplier}"/>'
+    tips = ["left_link5", "right_link5"] if multiplier is None else "left_link5"
+    robot = mq.Robot.from_urdf(wide_urdf(follows), tip=tips)
+    solver, farther = mq.Solver(robot), 0
+    for _ in range(3):
+        q, q0 = robot.random_configuration(rng), robot.random_configuration(rng)
+        answer = solver.solve({tip: robot.forward(q, tip) for tip in robot.tips}, q0)
+        assert answer.success
+        for i, turn in ((i, turn) for i in range(robot.n) for turn in (-2, -1, 1, 2)):
+            turned = answer.q.copy()
+            turned[i] += 2 * np.pi * turn
+            is_within = robot.lower[i] <= turned[i] <= robot.upper[i]
+            errors = [mq.pose_error(robot.forward(turned, t), robot.forward(answer.q, t)) for t in robot.tips]
+            if is_within and np.abs(errors).max() < 1e-9:
+                farther += 1
+                assert abs(turned[i] - q0[i]) > abs(answer.q[i] - q0[i]) - 1e-9
+    assert farther > 2
+
+
 def test_a_far_start_keeps_the_turn_it_has(ur5):
     """The last joint stands a turn below zero, and its solution there is within the limits."""
     target = ur5.forward([-2, -1, 1.5, 0.3, 1, -6])
