@@ -98,7 +98,7 @@ class CollisionLimit(Limit):
         is_path = isinstance(self.allowed, (str, os.PathLike)) and self.allowed not in ALLOWED
         if is_path and not os.path.isfile(self.allowed):
             raise OptionError(
-                f"allowed={os.fspath(self.allowed)!r} is neither {' nor '.join(map(repr, ALLOWED))} nor an SRDF file; "
+                f"allowed={shown(os.fspath(self.allowed))} is neither {' nor '.join(map(repr, ALLOWED))} nor an SRDF file; "
                 "or it is a sequence of pairs of names"
             )
 
@@ -123,7 +123,7 @@ class CollisionLimit(Limit):
         """The obstacles as parts that do not move."""
         for obstacle in self.obstacles:
             if obstacle.name in robot.frames:
-                raise OptionError(f"an obstacle has the name of a link of {robot.name}: {obstacle.name!r}")
+                raise OptionError(f"an obstacle has the name of a link of {robot.name}: {shown(obstacle.name)}")
         try:
             loaded = [obstacle.loaded(self.meshes) for obstacle in self.obstacles]
         except FileNotFoundError as reason:
@@ -310,7 +310,7 @@ def _named_obstacles(obstacles: Any) -> tuple[Shape, ...]:
     names = [obstacle.name for obstacle in named]
     for name in names:
         if names.count(name) > 1:
-            raise OptionError(f"two obstacles have the name {name!r}")
+            raise OptionError(f"two obstacles have the name {shown(name)}")
     return tuple(named)
 
 
@@ -324,5 +324,5 @@ def _directories(directories: Any) -> tuple[str, ...]:
         raise OptionError(f"meshes must be a sequence of directories, not {shown(directories)}") from None
     for folder in folders:
         if not os.path.isdir(folder):
-            raise OptionError(f"meshes: {folder!r} is not a directory")
+            raise OptionError(f"meshes: {shown(folder)} is not a directory")
     return folders

@@ -154,7 +154,7 @@ class DHTable:
         path = Path(path)
         parse = {".toml": tomllib.loads, ".yaml": plain_yaml, ".yml": plain_yaml}.get(path.suffix.lower())
         if parse is None:
-            raise RobotError(f"{path.name}: a DH file ends in .toml, .yaml or .yml")
+            raise RobotError(f"{path.name:.100}: a DH file ends in .toml, .yaml or .yml")
         text = read_text(path, "the DH table", RobotError, MAX_BYTES)
         try:
             content = parse(text)
