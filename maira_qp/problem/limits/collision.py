@@ -98,8 +98,8 @@ class CollisionLimit(Limit):
         is_path = isinstance(self.allowed, (str, os.PathLike)) and self.allowed not in ALLOWED
         if is_path and not os.path.isfile(self.allowed):
             raise OptionError(
-                f"allowed={shown(os.fspath(self.allowed))} is neither {' nor '.join(map(repr, ALLOWED))} nor an SRDF file; "
-                "or it is a sequence of pairs of names"
+                f"allowed={shown(os.fspath(self.allowed))} is neither {' nor '.join(map(repr, ALLOWED))} nor an SRDF "
+                "file; or it is a sequence of pairs of names"
             )
 
     def of(self, robot: Robot) -> CollisionLimit:
