@@ -15,7 +15,7 @@ import numpy as np
 
 from maira_qp.arrays import check_callable, is_count, is_native, is_number, real_array
 from maira_qp.display import Card, Shown
-from maira_qp.errors import ConfigurationError, OptionError, listed, shown
+from maira_qp.errors import ConfigurationError, OptionError, PoseError, listed, shown
 from maira_qp.problem.limits.joint import Limit, Tick
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.options import Options
@@ -27,6 +27,7 @@ from maira_qp.problem.tasks.frame import TargetTask
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.results.batch import BatchSolution
+from maira_qp.results.path_solution import PathSolution
 from maira_qp.results.solution import Solution
 from maira_qp.results.step import Step
 from maira_qp.robots.model.robot import Robot
@@ -40,6 +41,9 @@ Rng = np.random.Generator | int | None
 
 _NOT_GIVEN = float("nan")
 """A `dt` that the caller left out: an object of its own, told from a NaN that was computed."""
+
+LARGEST_STEP = 0.5
+"""How far a joint moves between two poses of a path at most [rad, or of the arm's length], unless it is said."""
 
 VERBS = ("solve", "solve_batch", "step")
 """What `Solver.engine_for` knows."""
@@ -267,6 +271,59 @@ class Solver(Shown):
         if near.success and not (listed.success and listed.cost < near.cost):
             return near
         return replace(listed, _start=q0, left_q0=near.left_q0, start_projected=near.start_projected)
+
+    def track(
+        self,
+        path: Any,
+        q0: Any = None,
+        dt: float | None = None,
+        *,
+        max_step: Any = None,
+        max_reconfigurations: int = 0,
+        seed: int = 0,
+    ) -> PathSolution:
+        """Follow a path of poses: joint values for each, so that no joint jumps from one pose to the next.
+
+        Branch, whole turns and redundancy are chosen for the path as a whole: layers of configurations along it are
+        linked by dynamic programming, and the line through them is smoothed along the self-motions. It is found, not
+        proved: where none was found, the result says how far the path is followed and what stands in the way.
+
+        Args:
+            path: N poses as for `solve_batch`.
+            q0: configuration (n,) at the first pose, or near it [rad or m]; None: any.
+            dt: time from pose to pose [s]: no joint moves by more than its velocity limit times dt.
+            max_step: largest joint step from pose to pose, a number or (n,) [rad or m]; None: 0.5 rad, or half of the
+                arm's length. With `dt`, both hold.
+            max_reconfigurations: larger steps that are allowed, at which the arm is to leave the path.
+            seed: non-negative integer; other seeds begin from other configurations.
+
+        The problem must be one that the compiled engine takes: one task of the tip of a chain, and no limits beside
+        those of the joints.
+
+        Raises `PoseError`, `ConfigurationError`, `OptionError`.
+        """
+        targets = self.problem.targets(path)
+        if not targets.is_finite.all():
+            raise PoseError(f"pose {int(np.flatnonzero(~targets.is_finite)[0])} of the path holds NaN or inf")
+        if not is_count(max_reconfigurations, 0):
+            raise OptionError(f"max_reconfigurations must be a whole number from 0, got {shown(max_reconfigurations)}")
+        checked_seed(seed)
+        step = self._largest_step(dt, max_step)
+        return self.engines.track(targets, self._start(q0), step, dt, int(max_reconfigurations), int(seed))
+
+    def _largest_step(self, dt: Any, max_step: Any) -> np.ndarray:
+        """How far (n,) each joint may move from pose to pose. Raises `OptionError`."""
+        robot = self.robot
+        step = np.where(robot.slides, LARGEST_STEP * robot.length, LARGEST_STEP)
+        if max_step is not None:
+            step = real_array(np.broadcast_to(max_step, (robot.n,)), (robot.n,), "max_step", OptionError)
+            if not (step > 0.0).all():
+                raise OptionError(f"max_step must be positive, got {shown(max_step)}")
+        if dt is None:
+            return step
+        if not is_number(dt) or not 0 < dt < math.inf:
+            raise OptionError(f"dt must be a positive number of seconds, got {shown(dt)}")
+        return np.minimum(step, robot.velocity_limit * float(dt))
 
     def step(
         self,

@@ -1,0 +1,125 @@
+"""The result of following a path: a configuration for each of its poses, and whether the arm can run through them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from maira_qp.arrays import plain
+from maira_qp.display import Card
+from maira_qp.results.answer import OfProblem, Origin
+
+OWN = (
+    "q",
+    "success",
+    "position_error",
+    "orientation_error",
+    "allowed_step",
+    "reconfigurations",
+    "max_joint_step",
+    "first_failure",
+    "reason",
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PathSolution(OfProblem):
+    """Configurations along a path of N poses, inside the limits exactly. `bool(path)`: it is followed whole."""
+
+    q: np.ndarray
+    """(N, n) [rad or m]"""
+    success: np.ndarray
+    """(N,) of bool: the pose is within the tolerances, by a fresh forward kinematics"""
+    position_error: np.ndarray
+    """(N,) [m]"""
+    orientation_error: np.ndarray
+    """(N,) [rad]"""
+    allowed_step: np.ndarray
+    """(n,) largest step of each joint from pose to pose that was allowed [rad or m]"""
+    max_reconfigurations: int
+    """So many steps beyond it were allowed"""
+    dt: float | None
+    """Time from pose to pose [s]"""
+    _reasons: dict[int, str] = field(repr=False)
+    """Why poses are not reached, by index"""
+    _origin: Origin | None = field(default=None, repr=False)
+
+    def __bool__(self) -> bool:
+        return self.first_failure is None
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @cached_property
+    def breaks(self) -> np.ndarray:
+        """Indices of the poses before which some joint makes a larger step than is allowed."""
+        steps = np.abs(np.diff(self.q, axis=0))
+        return np.flatnonzero((steps > self.allowed_step * (1.0 + 1e-9)).any(axis=1)) + 1
+
+    @property
+    def reconfigurations(self) -> int:
+        """How many such steps there are."""
+        return len(self.breaks)
+
+    @cached_property
+    def max_joint_step(self) -> float:
+        """Largest step of any joint from pose to pose [rad or m]"""
+        return float(np.abs(np.diff(self.q, axis=0)).max(initial=0.0))
+
+    @cached_property
+    def first_failure(self) -> int | None:
+        """Index of the first pose that is not reached, or only by one reconfiguration more than is allowed; None: all are
+        followed"""
+        missed, beyond = np.flatnonzero(~self.success), self.breaks[self.max_reconfigurations :]
+        failures = [*missed[:1].tolist(), *beyond[:1].tolist()]
+        return min(failures) if failures else None
+
+    @cached_property
+    def reason(self) -> str:
+        """Why the path cannot be followed further than to there; empty: it is followed whole"""
+        k = self.first_failure
+        if k is None:
+            return ""
+        if not self.success[k]:
+            return self._reasons.get(k, "the pose is not reached")
+        steps = np.abs(self.q[k] - self.q[k - 1])
+        joint = int((steps / self.allowed_step).argmax())
+        name, unit = self.joint_names[joint], self.q_units[joint]
+        return (
+            f"no way was found on which {name} moves by less than {steps[joint]:.3g} {unit} to pose {k}; "
+            f"{self.allowed_step[joint]:.3g} {unit} is allowed"
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """All values by their names, as `json.dumps` takes them."""
+        return {"joint_names": list(self.joint_names), **{name: plain(getattr(self, name)) for name in OWN}}
+
+    def __getstate__(self) -> dict[str, Any]:
+        own = {"joint_names": self.joint_names, "q_units": self.q_units}
+        return {**self.__dict__, **own, "_origin": None}
+
+    def _card(self) -> Card:
+        k = self.first_failure
+        whole = f"{len(self)} poses, followed whole" if k is None else f"{len(self)} poses, followed up to pose {k}"
+        largest = np.abs(np.diff(self.q, axis=0)).max(axis=0, initial=0.0)
+        rows = [
+            (name, f"{low:.4f} to {high:.4f} {unit}", f"{step:.4f} {unit}")
+            for name, unit, low, high, step in zip(
+                self.joint_names, self.q_units, self.q.min(axis=0), self.q.max(axis=0), largest, strict=True
+            )
+        ]
+        return Card(
+            title=f"Path: {whole}",
+            facts=(
+                ("reason", self.reason),
+                ("reached", f"{int(self.success.sum())} of {len(self)}"),
+                ("reconfigurations", str(self.reconfigurations)),
+                ("largest step", f"{self.max_joint_step:.4g}"),
+            ),
+            entries=[f"{name} {span}" for name, span, _ in rows],
+            headings=("joint", "range", "largest step"),
+            rows=rows,
+        )

@@ -1,0 +1,99 @@
+"""A line that reaches all poses of a path, made smooth: within a corridor along the self-motion around it.
+
+At each pose the line's configuration and others beside it, at even distances along the direction that leaves the pose
+as it is, are layers again, each of a few, and the line through them with the least largest steps is the next one. The
+corridor narrows from pass to pass.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from maira_qp.solvers.paths.descents import PathArrays
+
+BESIDE = 5
+"""Configurations on either side of a line."""
+WIDTHS = (0.3, 0.15, 0.08, 0.04, 0.08, 0.04, 0.02)
+"""How far [rad or m] the outermost are from it, pass by pass."""
+STRIDES = (16, 8, 4, 2, 1, 1, 1)
+"""Poses that are between those that are drawn to the middle of their neighbours, pass by pass."""
+LARGEST_STEPS = 10.0
+"""What the eighth power of a step, by the largest of the line, counts against its square."""
+
+
+def smoothed(path: PathArrays, q: np.ndarray, scale: np.ndarray, is_start_given: bool) -> np.ndarray:
+    """A line (N, n) on the path with smaller largest steps, by a scale (n,) of each joint; its start may be given."""
+    for stride in STRIDES:
+        if 2 * stride < len(q):
+            q = _drawn_to_the_middle(path, q, scale, stride)
+    if path.n > len(path.jacobians(q[:1])[0]):
+        for width in WIDTHS:
+            q = _best_within(path, q, scale, width, is_start_given)
+    return q
+
+
+def largest_steps(q: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """The largest joint step (N - 1,) between neighbours of a line (N, n), by a scale (n,)."""
+    return np.asarray(np.abs(np.diff(q, axis=0) / scale).max(axis=1, initial=0.0))
+
+
+def _drawn_to_the_middle(path: PathArrays, q: np.ndarray, scale: np.ndarray, stride: int) -> np.ndarray:
+    """The line with some of its configurations moved to between their neighbours, where that shortens the steps."""
+    q, count = q.copy(), len(q)
+    for first in (stride, 2 * stride):
+        i = np.arange(first, count - stride, 2 * stride)
+        if len(i):
+            middle, arrived = path.descend(i, 0.5 * (q[i - stride] + q[i + stride]))
+            shorter = arrived & (_span(middle, q, i, stride, scale) < _span(q[i], q, i, stride, scale))
+            q[i[shorter]] = middle[shorter]
+    if stride == 1:
+        return q
+    knots = np.unique(np.append(np.arange(0, count, stride), count - 1))
+    between, arrived = filled(path, knots, q[knots])
+    is_better = arrived.all() and largest_steps(between, scale).max() <= 1.2 * largest_steps(q, scale).max()
+    return between if is_better else q
+
+
+def _span(middle: np.ndarray, q: np.ndarray, i: np.ndarray, stride: int, scale: np.ndarray) -> np.ndarray:
+    """The larger of the steps from neighbours to configurations in the middle."""
+    before, after = np.abs((middle - q[i - stride]) / scale), np.abs((middle - q[i + stride]) / scale)
+    return np.maximum(before.max(axis=1), after.max(axis=1))
+
+
+def filled(path: PathArrays, knots: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A line (N, n) through configurations (K, n) at the poses `knots` (K,), and which of its poses it reaches (N,)."""
+    everywhere = np.arange(len(path))
+    guess = np.stack([np.interp(everywhere, knots, q[:, joint]) for joint in range(path.n)], axis=1)
+    line, arrived = path.descend(everywhere, guess)
+    line[knots], arrived[knots] = q, True
+    return line, arrived
+
+
+def _best_within(path: PathArrays, q: np.ndarray, scale: np.ndarray, width: float, is_start_given: bool) -> np.ndarray:
+    """The line of least largest steps in a corridor of so much [rad or m] on either side."""
+    count, wide = len(q), 2 * BESIDE + 1
+    along = np.linalg.svd(path.jacobians(q))[2][:, -1, :]
+    shifts = width * np.linspace(-1.0, 1.0, wide)
+    beside, arrived = path.descend(
+        np.repeat(np.arange(count), wide), (q[:, None] + shifts[:, None] * along[:, None]).reshape(-1, path.n)
+    )
+    nodes = beside.reshape(count, wide, path.n)
+    is_node = arrived.reshape(count, wide) & (np.abs(nodes - q[:, None]).max(axis=2) <= 3.0 * width)
+    nodes[:, BESIDE], is_node[:, BESIDE] = q, True
+    if is_start_given:
+        is_node[0] = np.arange(wide) == BESIDE
+    largest = largest_steps(q, scale).max()
+    if largest == 0.0:
+        return q
+    steps = (np.abs(nodes[1:, None] - nodes[:-1, :, None]) / scale).max(axis=3) / largest
+    costs = steps**2 + LARGEST_STEPS * steps**8
+    cost, back = np.where(is_node[0], 0.0, np.inf), np.zeros((count, wide), dtype=np.int64)
+    for k in range(count - 1):
+        total = cost[:, None] + costs[k]
+        back[k + 1] = total.argmin(axis=0)
+        cost = np.where(is_node[k + 1], total[back[k + 1], np.arange(wide)], np.inf)
+    line = [int(cost.argmin())]
+    for chosen in back[:0:-1]:
+        line.append(int(chosen[line[-1]]))
+    better = nodes[np.arange(count), line[::-1]]
+    return better if largest_steps(better, scale).max() < largest else q

@@ -1,0 +1,107 @@
+"""Layers of configurations along a path: at some of its poses, configurations that reach it, from all over the arm.
+
+Each layer is made of the one before. Its configurations are followed to the next pose, beside them others that differ
+along the self-motion, and some that begin anywhere: so that a layer covers what leads on, and what comes new. What
+follows is followed by descents, and no branch has a label: labels flip where a shoulder or a wrist passes zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from maira_qp.solvers.paths.descents import PathArrays
+
+CELL, WIDER = 0.15, 1.3
+"""Edge of the cells [rad or m] of which a layer keeps one configuration each, and how fast they grow if there are too
+many."""
+ASIDE = 0.25
+"""How far [rad or m] along the self-motion others begin, about."""
+FIRST_TIMES = 6
+"""The first layer begins from so many times as many configurations as others do."""
+FAR = 3.0
+"""A metre counts as so many radians, divided by the arm's length: of what lies between two layers."""
+
+
+@dataclass(frozen=True)
+class Density:
+    """How closely layers cover a path."""
+
+    spacing: float
+    """What the pose moves between two layers, at most [rad]"""
+    most: int
+    """Configurations of a layer"""
+    fresh: int
+    """Configurations that each layer begins from anywhere"""
+
+    def finer(self) -> Density:
+        """Four times as many layers of twice as many configurations."""
+        return Density(0.25 * self.spacing, 2 * self.most, 2 * self.fresh)
+
+
+def arc_lengths(path: PathArrays) -> np.ndarray:
+    """How far (N,) the pose has moved up to each, the larger of its rotation and its scaled translation [rad]."""
+    R, p = path.rows[:, :9].reshape(-1, 3, 3), path.rows[:, 9:]
+    cosine = 0.5 * (np.einsum("nij,nij->n", R[1:], R[:-1]) - 1.0)
+    turned = np.arccos(np.clip(cosine, -1.0, 1.0))
+    moved = np.linalg.norm(np.diff(p, axis=0), axis=1) * FAR / path.arrays.robot.length
+    return np.concatenate([[0.0], np.cumsum(np.maximum(turned, moved))])
+
+
+def layer_indices(path: PathArrays, spacing: float) -> np.ndarray:
+    """Indices (L,) of the poses at which there are layers, the first and the last among them."""
+    s, last = arc_lengths(path), len(path) - 1
+    count = min(len(path), max(4, int(np.ceil(s[-1] / spacing)) + 1))
+    evenly = np.searchsorted(s, np.linspace(0.0, s[-1], count))
+    return np.unique(np.concatenate([[0], np.minimum(evenly, last), [last]]))
+
+
+def layers_of(
+    path: PathArrays, at: np.ndarray, q0: np.ndarray | None, density: Density, rng: np.random.Generator
+) -> list[np.ndarray]:
+    """Configurations (M_l, n) that reach the poses `at` (L,), an array a layer, empty where none was found.
+
+    Where q0 (n,) is given, which reaches the first pose, it alone is the first layer.
+    """
+    layers, before = [], np.empty((0, path.n))
+    for index in at.tolist():
+        if not layers and q0 is not None:
+            found = q0[None]
+        else:
+            fresh = density.fresh * (1 if layers else FIRST_TIMES)
+            starts = np.concatenate([before, *_aside(before, rng), _anywhere(path, fresh, rng)])
+            q, arrived = path.descend(np.full(len(starts), index), starts)
+            found = _thinned(q[arrived], density.most)
+        layers.append(found)
+        before = found if len(found) else before
+    return layers
+
+
+def _aside(q: np.ndarray, rng: np.random.Generator) -> list[np.ndarray]:
+    """Twice as many configurations, each moved in a random direction: from there a descent ends aside."""
+    moved = []
+    for _ in range(2):
+        direction = rng.normal(size=q.shape)
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        moved.append(q + ASIDE * rng.uniform(0.2, 1.5, size=(len(q), 1)) * direction)
+    return moved
+
+
+def _anywhere(path: PathArrays, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Random configurations (count, n) within the limits, no joint more than a turn from where starts are drawn."""
+    lower, upper = path.arrays.problem.turns.around(1)
+    window = path.arrays.problem.turns.window
+    lower, upper = np.where(np.isfinite(lower), lower, window[0]), np.where(np.isfinite(upper), upper, window[1])
+    return rng.uniform(lower, upper, size=(count, path.n))
+
+
+def _thinned(q: np.ndarray, most: int) -> np.ndarray:
+    """One of the configurations (M, n) of each cell, at most so many."""
+    cell = CELL
+    while len(q):
+        _, first = np.unique(np.round(q / cell).astype(np.int64), axis=0, return_index=True)
+        if len(first) <= most:
+            return q[np.sort(first)]
+        cell *= WIDER
+    return q
