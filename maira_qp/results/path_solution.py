@@ -12,6 +12,19 @@ from maira_qp.arrays import plain
 from maira_qp.display import Card
 from maira_qp.results.answer import OfProblem, Origin
 
+
+@dataclass(frozen=True, eq=False)
+class Rules:
+    """What counts as following a path."""
+
+    step: np.ndarray
+    """(n,) largest step of each joint from pose to pose [rad or m]"""
+    reconfigurations: int
+    """So many larger steps are allowed"""
+    dt: float | None
+    """Time from pose to pose [s]"""
+
+
 OWN = (
     "q",
     "success",
@@ -37,12 +50,10 @@ class PathSolution(OfProblem):
     """(N,) [m]"""
     orientation_error: np.ndarray
     """(N,) [rad]"""
-    allowed_step: np.ndarray
-    """(n,) largest step of each joint from pose to pose that was allowed [rad or m]"""
-    max_reconfigurations: int
-    """So many steps beyond it were allowed"""
-    dt: float | None
-    """Time from pose to pose [s]"""
+    rules: Rules
+    """What was allowed"""
+    continuous: np.ndarray
+    """(N - 1,) of bool: the step from a pose to the next leads along the path, not from branch to branch"""
     _reasons: dict[int, str] = field(repr=False)
     """Why poses are not reached, by index"""
     _origin: Origin | None = field(default=None, repr=False)
@@ -55,9 +66,14 @@ class PathSolution(OfProblem):
 
     @cached_property
     def breaks(self) -> np.ndarray:
-        """Indices of the poses before which some joint makes a larger step than is allowed."""
+        """Indices of the poses before which a joint makes a larger step than is allowed, or the arm changes branches."""
         steps = np.abs(np.diff(self.q, axis=0))
-        return np.flatnonzero((steps > self.allowed_step * (1.0 + 1e-9)).any(axis=1)) + 1
+        return np.flatnonzero((steps > self.allowed_step * (1.0 + 1e-9)).any(axis=1) | ~self.continuous) + 1
+
+    @property
+    def allowed_step(self) -> np.ndarray:
+        """(n,) largest step of each joint from pose to pose that was allowed [rad or m]"""
+        return self.rules.step
 
     @property
     def reconfigurations(self) -> int:
@@ -71,9 +87,9 @@ class PathSolution(OfProblem):
 
     @cached_property
     def first_failure(self) -> int | None:
-        """Index of the first pose that is not reached, or only by one reconfiguration more than is allowed; None: all are
-        followed"""
-        missed, beyond = np.flatnonzero(~self.success), self.breaks[self.max_reconfigurations :]
+        """Index of the first pose that is not reached, or only by one reconfiguration more than is allowed; None: the
+        path is followed whole"""
+        missed, beyond = np.flatnonzero(~self.success), self.breaks[self.rules.reconfigurations :]
         failures = [*missed[:1].tolist(), *beyond[:1].tolist()]
         return min(failures) if failures else None
 
@@ -88,6 +104,8 @@ class PathSolution(OfProblem):
         steps = np.abs(self.q[k] - self.q[k - 1])
         joint = int((steps / self.allowed_step).argmax())
         name, unit = self.joint_names[joint], self.q_units[joint]
+        if steps[joint] <= self.allowed_step[joint]:
+            return f"no way was found to pose {k} along the path: the arm changes branches before it"
         return (
             f"no way was found on which {name} moves by less than {steps[joint]:.3g} {unit} to pose {k}; "
             f"{self.allowed_step[joint]:.3g} {unit} is allowed"

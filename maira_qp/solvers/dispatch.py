@@ -22,7 +22,7 @@ from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.backends import Backend, available
 from maira_qp.problem.targets import SEED_0, Poses, Targets, poses_of
 from maira_qp.results.batch import BatchSolution
-from maira_qp.results.path_solution import PathSolution
+from maira_qp.results.path_solution import PathSolution, Rules
 from maira_qp.results.solution import Solution, solution_of
 from maira_qp.results.status import status_of
 from maira_qp.results.step import Step, step_of
@@ -296,48 +296,13 @@ class Engines:
         batch.refuse(~finite)
         return batch
 
-    def track(
-        self,
-        targets: Targets,
-        q0: np.ndarray | None,
-        step: np.ndarray,
-        dt: float | None,
-        reconfigurations: int,
-        seed: int,
-    ) -> PathSolution:
-        """Follow the path of N targets, from a start (n,) or any, with joint steps of at most `step` (n,)."""
-        from maira_qp.solvers.paths.descents import PathArrays
-        from maira_qp.solvers.paths.track import follow
+    def track(self, targets: Targets, q0: np.ndarray | None, seed: int, rules: Rules) -> PathSolution:
+        """Follow the path of N targets, from a start (n,) or any, by some rules. Raises `OptionError`."""
+        from maira_qp.solvers.paths.track import track  # heavy: Numba comes with it
 
         if self.compiled is None or self.refusal:
             raise OptionError(f"a path is followed by the compiled engine, which cannot take this: {self.refusal}")
-        reasons: dict[int, str] = {}
-
-        def solve(k: int, near: np.ndarray | None) -> np.ndarray:
-            solution = self.solve(targets[k].poses(), near, SEED_0)
-            if not solution.success:
-                reasons[k] = solution.status.meaning
-            return solution.q
-
-        robot, path = self.problem.robot, PathArrays(self.compiled, np.ascontiguousarray(targets.rows[:, 0]))
-        start = None
-        if q0 is not None and len(path):
-            first = self.solve(targets[0].poses(), q0, SEED_0)
-            start = first.q if first.success else None
-        q = follow(path, start, step, seed, solve) if len(path) else np.empty((0, robot.n))
-        errors = [residual(self.problem.costs(targets.poses(k))[0], robot.at(q[k])) for k in range(len(path))]
-        position, orientation = np.array(errors).reshape(-1, 2).T
-        return PathSolution(
-            q,
-            self.problem.is_reached(position, orientation),
-            position,
-            orientation,
-            step,
-            reconfigurations,
-            dt,
-            reasons,
-            self,
-        )
+        return track(self, self.compiled, targets, q0, seed, rules)
 
     def compiled_step(self, q: Any, target: Any, dt: float, velocity: Any) -> Step | None:
         """A tick by the kernel; None if it does not take this, or limits beside those of the joints bind."""

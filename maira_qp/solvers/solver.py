@@ -27,7 +27,7 @@ from maira_qp.problem.tasks.frame import TargetTask
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.results.batch import BatchSolution
-from maira_qp.results.path_solution import PathSolution
+from maira_qp.results.path_solution import PathSolution, Rules
 from maira_qp.results.solution import Solution
 from maira_qp.results.step import Step
 from maira_qp.robots.model.robot import Robot
@@ -308,8 +308,8 @@ class Solver(Shown):
         if not is_count(max_reconfigurations, 0):
             raise OptionError(f"max_reconfigurations must be a whole number from 0, got {shown(max_reconfigurations)}")
         checked_seed(seed)
-        step = self._largest_step(dt, max_step)
-        return self.engines.track(targets, self._start(q0), step, dt, int(max_reconfigurations), int(seed))
+        rules = Rules(self._largest_step(dt, max_step), int(max_reconfigurations), dt)
+        return self.engines.track(targets, self._start(q0), int(seed), rules)
 
     def _largest_step(self, dt: Any, max_step: Any) -> np.ndarray:
         """How far (n,) each joint may move from pose to pose. Raises `OptionError`."""

@@ -10,13 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
+from maira_qp.problem.targets import SEED_0, Targets
+from maira_qp.results.path_solution import PathSolution, Rules
+from maira_qp.solvers.compiled.problem_arrays import ProblemArrays
+from maira_qp.solvers.paths.continuity import is_continuous
 from maira_qp.solvers.paths.corridor import filled, largest_steps, smoothed
 from maira_qp.solvers.paths.descents import PathArrays
 from maira_qp.solvers.paths.layers import Density, layer_indices, layers_of
 from maira_qp.solvers.paths.line import Edge, best_line
+from maira_qp.solvers.reference.engine import residual
 
 DENSITY = Density(spacing=0.3, most=150, fresh=16)
 ROUNDS = 3
@@ -30,6 +36,33 @@ CALM = 4.0
 
 Solve = Callable[[int, np.ndarray | None], np.ndarray]
 """What is returned at a pose, by index, that is not on the line, from the configuration before (n,)"""
+
+
+def track(
+    engines: Any, arrays: ProblemArrays, targets: Targets, q0: np.ndarray | None, seed: int, rules: Rules
+) -> PathSolution:
+    """Follow the path of N targets from a start (n,), or from any, by some rules."""
+    problem, path, reasons = engines.problem, PathArrays(arrays, np.ascontiguousarray(targets.rows[:, 0])), {}
+
+    def solve(k: int, near: np.ndarray | None) -> np.ndarray:
+        solution = engines.solve(targets.poses(k), near, SEED_0)
+        if not solution.success:
+            reasons[k] = solution.status.meaning
+        return np.asarray(solution.q)
+
+    start = None
+    if q0 is not None and len(path):
+        first = engines.solve(targets.poses(0), q0, SEED_0)
+        start = first.q if first.success else None
+    q = follow(path, start, rules.step, seed, solve) if len(path) else np.empty((0, path.n))
+    errors = [residual(problem.costs(targets.poses(k))[0], problem.robot.at(q[k])) for k in range(len(path))]
+    position, orientation = np.reshape(errors, (-1, 2)).T
+    reached = np.asarray(problem.is_reached(position, orientation))
+    continuous = np.ones(max(len(q) - 1, 0), dtype=bool)
+    both = reached[:-1] & reached[1:] & (largest_steps(q, rules.step) <= 1.0)
+    if both.any():
+        continuous[both] = is_continuous(path, q)[both]
+    return PathSolution(q, reached, position, orientation, rules, continuous, reasons, engines)
 
 
 def follow(path: PathArrays, q0: np.ndarray | None, window: np.ndarray, seed: int, solve: Solve) -> np.ndarray:
@@ -70,6 +103,8 @@ def _continuous_line(
             return None
         q, arrived = filled(path, at, np.array([layer[j] for layer, j in zip(layers, line, strict=True)]))
         amiss = np.flatnonzero(~arrived[1:] | (largest_steps(q, window) > 1.0)) + 1
+        if not len(amiss):
+            amiss = np.flatnonzero(~is_continuous(path, q)) + 1
         if not len(amiss):
             return q
         forbidden |= {(k, line[k - 1], line[k]) for k in np.unique(np.searchsorted(at, amiss)).tolist()}
