@@ -66,7 +66,7 @@ class PathSolution(OfProblem):
 
     @cached_property
     def breaks(self) -> np.ndarray:
-        """Indices of the poses before which a joint makes a larger step than is allowed, or the arm changes branches."""
+        """Indices of the poses before which a joint makes too large a step, or the arm changes branches."""
         steps = np.abs(np.diff(self.q, axis=0))
         return np.flatnonzero((steps > self.allowed_step * (1.0 + 1e-9)).any(axis=1) | ~self.continuous) + 1
 

@@ -2,7 +2,8 @@
 
 Two configurations that are near each other may belong to different branches. Halfway between two poses, from halfway
 between their configurations, a descent ends near where it begins if one branch leads from one to the other; if not it
-ends near one of the two. Where it ends neither here nor there the halves are looked at in turn.
+ends near one of the two. Where it ends neither here nor there the halves are looked at in turn. Between poses the tool
+may be off by `DEVIATION`, as a path is a line between them by convention alone.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from maira_qp.solvers.paths.descents import PathArrays
 
+DEVIATION = 1e-3, 1e-2
+"""How far the tool may be from the poses between two of a path [m, rad]."""
 HALVINGS = 6
 """How often a step is halved; what is not decided then is no motion along the path."""
 NEAR_MIDDLE = 0.25
@@ -20,6 +23,7 @@ NEAR_MIDDLE = 0.25
 
 def is_continuous(path: PathArrays, q: np.ndarray) -> np.ndarray:
     """Whether each step (N - 1,) of configurations (N, n), which reach their poses, leads along the path."""
+    path = path.within(*DEVIATION)
     continuous = np.ones(len(q) - 1, dtype=bool)
     owner, a, b, A, B = np.arange(len(q) - 1), q[:-1], q[1:], path.rows[:-1], path.rows[1:]
     for _ in range(HALVINGS):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maira_qp.kernels.layout import Outcome
+from maira_qp.kernels.layout import Outcome, Setting
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.multi_start import attempts
 from maira_qp.solvers.compiled.problem_arrays import ProblemArrays
@@ -27,6 +27,12 @@ class PathArrays:
     def n(self) -> int:
         """How many joints there are."""
         return self.arrays.n
+
+    def within(self, position: float, orientation: float) -> PathArrays:
+        """The same path, at whose poses it is enough to be within these tolerances [m, rad]."""
+        settings = self.arrays.settings.copy()
+        settings[Setting.POSITION_TOLERANCE], settings[Setting.ORIENTATION_TOLERANCE] = position, orientation
+        return replace(self, arrays=replace(self.arrays, settings=settings))
 
     def descend(self, which: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Descend to the poses `which` (M,), indices, from starts (M, n): q (M, n), and which of them arrived (M,)."""

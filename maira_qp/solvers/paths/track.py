@@ -76,7 +76,7 @@ def follow(path: PathArrays, q0: np.ndarray | None, window: np.ndarray, seed: in
         solve: what is returned at poses that the line does not reach.
     """
     rng, density = np.random.default_rng(seed), DENSITY
-    best, least = None, np.inf
+    best, least, at, layers = None, np.inf, np.arange(0), list[np.ndarray]()
     for _ in range(ROUNDS):
         at = layer_indices(path, density.spacing)
         layers = layers_of(path, at, q0, density, rng)
