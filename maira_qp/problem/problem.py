@@ -128,9 +128,9 @@ class Problem:
         """One call's targets, checked: N is 1. Raises `PoseError`, `FrameError`."""
         return checked_target(target, self.frames, self.robot.length)
 
-    def targets(self, targets: Any) -> Targets:
-        """A batch's targets, checked. Raises `PoseError`, `FrameError`."""
-        return checked_targets(targets, self.frames, self.robot.length)
+    def targets(self, targets: Any, name: str = "target") -> Targets:
+        """A batch's targets, checked, each called by a name. Raises `PoseError`, `FrameError`."""
+        return checked_targets(targets, self.frames, self.robot.length, name)
 
     def costs(self, poses: Poses) -> tuple[TaskCost, Weighted | Strict | None]:
         """The first level toward its targets, and the secondary objectives: all that is below it."""

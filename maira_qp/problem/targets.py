@@ -78,8 +78,8 @@ def checked_target(target: Any, frames: tuple[str, ...], length: float) -> Targe
     return Targets(frames, rows, np.array([deviation]))
 
 
-def checked_targets(targets: Any, frames: tuple[str, ...], length: float) -> Targets:
-    """The targets of a batch, for an arm of a length [m].
+def checked_targets(targets: Any, frames: tuple[str, ...], length: float, name: str = "target") -> Targets:
+    """The targets of a batch, for an arm of a length [m]; a message calls one by a name.
 
     They come as (N, 4, 4) for one frame, else as {frame: (N, 4, 4)}, or as N mappings {frame: pose}.
     Raises `PoseError`, `FrameError`.
@@ -97,14 +97,14 @@ def checked_targets(targets: Any, frames: tuple[str, ...], length: float) -> Tar
         targets = {frames[0]: targets}
     if set(targets) != set(frames):
         raise PoseError(_instead(frames, "a mapping {frame: poses} of just these frames"))
-    made = [rows_of(poses_of_batch(targets[frame])) for frame in frames]
+    made = [rows_of(poses_of_batch(targets[frame], name), name) for frame in frames]
     each, deviations = [rows for rows, _ in made], [deviation for _, deviation in made]
     if len({len(rows) for rows in each}) > 1:
         raise PoseError(f"as many poses for each frame, not {[len(rows) for rows in each]}")
     rows = np.stack(each, axis=1) if len(each) > 1 else each[0][:, None]
     far = np.abs(rows[:, :, 9:]) > FARTHEST * length
     for i in np.flatnonzero(far.any(axis=(1, 2))) if far.any() else ():
-        check_distance(rows[i, :, 9:], length, f"target {i}")
+        check_distance(rows[i, :, 9:], length, f"{name} {i}")
     rows[np.isnan(rows[:, :, 0]).any(axis=1)] = np.nan
     return Targets(frames, rows, np.max(deviations, axis=0))
 
@@ -135,7 +135,7 @@ def pose_of(row: np.ndarray) -> pin.SE3:
     return pin.SE3(row[:9].reshape(3, 3).copy(), row[9:].copy())
 
 
-def rows_of(T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def rows_of(T: np.ndarray, name: str = "target") -> tuple[np.ndarray, np.ndarray]:
     """Poses (N, 4, 4) as rows (N, 12), their rotations made exact; one with NaN or inf becomes NaN.
 
     And how far each (N,) was from a rotation, see `rounding_of`.
@@ -148,7 +148,7 @@ def rows_of(T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     pose_rows(T, ORTHONORMAL_WITHIN, rows, faults)
     if (faults != FINE).any():
         for i in np.flatnonzero(faults > NOT_FINITE):
-            rows[i] = row_of(pin.SE3(rigid(T[i], f"target {i}")))
+            rows[i] = row_of(pin.SE3(rigid(T[i], f"{name} {i}")))
             deviations[i] = rounding_of(T[i])
         rows[faults == NOT_FINITE] = np.nan
     return rows, deviations

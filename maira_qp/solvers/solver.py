@@ -302,9 +302,9 @@ class Solver(Shown):
 
         Raises `PoseError`, `ConfigurationError`, `OptionError`.
         """
-        targets = self.problem.targets(path)
+        targets = self.problem.targets(path, "pose of the path")
         if not targets.is_finite.all():
-            raise PoseError(f"pose {int(np.flatnonzero(~targets.is_finite)[0])} of the path holds NaN or inf")
+            raise PoseError(f"the pose of the path {int(np.flatnonzero(~targets.is_finite)[0])} holds NaN or inf")
         if not is_count(max_reconfigurations, 0):
             raise OptionError(f"max_reconfigurations must be a whole number from 0, got {shown(max_reconfigurations)}")
         checked_seed(seed)
@@ -316,7 +316,11 @@ class Solver(Shown):
         robot = self.robot
         step = np.where(robot.slides, LARGEST_STEP * robot.length, LARGEST_STEP)
         if max_step is not None:
-            step = real_array(np.broadcast_to(max_step, (robot.n,)), (robot.n,), "max_step", OptionError)
+            step = (
+                np.full(robot.n, max_step)
+                if is_number(max_step)
+                else real_array(max_step, (robot.n,), "max_step", OptionError)
+            )
             if not (step > 0.0).all():
                 raise OptionError(f"max_step must be positive, got {shown(max_step)}")
         if dt is None:

@@ -8,13 +8,13 @@ than others, they are made again finer.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from maira_qp.problem.targets import SEED_0, Targets
+from maira_qp.problem.targets import SEED_0, Targets, seed_words
 from maira_qp.results.path_solution import PathSolution, Rules
 from maira_qp.solvers.compiled.problem_arrays import ProblemArrays
 from maira_qp.solvers.paths.continuity import is_continuous
@@ -34,62 +34,73 @@ WIDEST = 0.6
 CALM = 4.0
 """A line whose largest step is at most so many times the mean step is not sought again in finer layers."""
 
-Solve = Callable[[int, np.ndarray | None], np.ndarray]
-"""What is returned at a pose, by index, that is not on the line, from the configuration before (n,)"""
-
 
 def track(
     engines: Any, arrays: ProblemArrays, targets: Targets, q0: np.ndarray | None, seed: int, rules: Rules
 ) -> PathSolution:
-    """Follow the path of N targets from a start (n,), or from any, by some rules."""
-    problem, path, reasons = engines.problem, PathArrays(arrays, np.ascontiguousarray(targets.rows[:, 0])), {}
+    """Follow the path of N targets from a start (n,), or from any, by some rules.
 
-    def solve(k: int, near: np.ndarray | None) -> np.ndarray:
-        solution = engines.solve(targets.poses(k), near, SEED_0)
-        if not solution.success:
-            reasons[k] = solution.status.meaning
-        return np.asarray(solution.q)
-
-    start = None
+    `engines` solve for single poses, see `solvers.dispatch`. Poses that nothing was found to reach divide the path:
+    each part between them is followed by itself.
+    """
+    path, rng = PathArrays(arrays, np.ascontiguousarray(targets.rows[:, 0])), np.random.default_rng(seed)
+    alone = engines.solve_batch(targets, None, seed_words(seed), None, None)
+    q, reached, reasons = alone.q.copy(), alone.success.copy(), {}
     if q0 is not None and len(path):
         first = engines.solve(targets.poses(0), q0, SEED_0)
-        start = first.q if first.success else None
-    q = follow(path, start, rules.step, seed, solve) if len(path) else np.empty((0, path.n))
-    errors = [residual(problem.costs(targets.poses(k))[0], problem.robot.at(q[k])) for k in range(len(path))]
+        q[0], reached[0] = first.q, first.success
+    for begin, end in runs(reached):
+        part = PathArrays(arrays, path.rows[begin:end])
+        q[begin:end] = follow(part, q[begin:end], begin == 0 and q0 is not None, rules.step, rng)
+    for k in np.flatnonzero(~reached).tolist():
+        solution = engines.solve(targets.poses(k), q[k - 1] if k else q0, SEED_0)
+        q[k], reasons[k] = solution.q, solution.status.meaning
+    return _judged(engines, path, targets, q, rules, reasons)
+
+
+def _judged(
+    engines: Any, path: PathArrays, targets: Targets, q: np.ndarray, rules: Rules, reasons: dict[int, str]
+) -> PathSolution:
+    """The result, by a fresh forward kinematics of each configuration (N, n)."""
+    problem, continuous = engines.problem, np.ones(max(len(q) - 1, 0), dtype=bool)
+    errors = [residual(problem.costs(targets.poses(k))[0], problem.robot.at(q[k])) for k in range(len(q))]
     position, orientation = np.reshape(errors, (-1, 2)).T
     reached = np.asarray(problem.is_reached(position, orientation))
-    continuous = np.ones(max(len(q) - 1, 0), dtype=bool)
     both = reached[:-1] & reached[1:] & (largest_steps(q, rules.step) <= 1.0)
     if both.any():
         continuous[both] = is_continuous(path, q)[both]
     return PathSolution(q, reached, position, orientation, rules, continuous, reasons, engines)
 
 
-def follow(path: PathArrays, q0: np.ndarray | None, window: np.ndarray, seed: int, solve: Solve) -> np.ndarray:
-    """Configurations (N, n) along the path, with as few steps beyond the window (n,) [rad or m] as were found.
+def follow(
+    path: PathArrays, known: np.ndarray, is_start_given: bool, window: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """Configurations (N, n) along a path, with as few steps beyond the window as were found.
 
     Args:
         path: N poses and their problem.
-        q0: the first configuration (n,), which reaches the first pose; None: any.
-        window: the largest step of each joint from pose to pose.
-        seed: of the configurations that are drawn.
-        solve: what is returned at poses that the line does not reach.
+        known: some configuration (N, n) for each pose, which reaches it.
+        is_start_given: the first of them is that of the path.
+        window: the largest step (n,) of each joint from pose to pose [rad or m].
+        rng: of the configurations that are drawn.
     """
-    rng, density = np.random.default_rng(seed), DENSITY
-    best, least, at, layers = None, np.inf, np.arange(0), list[np.ndarray]()
+    if len(path) < 2:
+        return known
+    density, best, least = DENSITY, None, np.inf
+    at, layers = np.arange(0), list[np.ndarray]()
     for _ in range(ROUNDS):
         at = layer_indices(path, density.spacing)
-        layers = layers_of(path, at, q0, density, rng)
-        q = _continuous_line(path, at, layers, window) if all(map(len, layers)) else None
+        layers = layers_of(path, at, known, is_start_given, density, rng)
+        q = _continuous_line(path, at, layers, window)
         if q is not None:
-            q = smoothed(path, q, window, q0 is not None)
+            q = smoothed(path, q, window, is_start_given)
             steps = largest_steps(q, window)
-            if steps.max(initial=0.0) < least:
-                best, least = q, steps.max(initial=0.0)
-            if least <= 1.0 and least <= CALM * steps.mean():
+            if steps.max() < least:
+                best, least = q, steps.max()
+            if least <= CALM * steps.mean():
                 break
         density = density.finer()
-    return best if best is not None and least <= 1.0 else _in_parts(path, at, layers, window, solve)
+    return best if best is not None else _with_reconfigurations(path, at, layers, window)
 
 
 def _continuous_line(
@@ -101,7 +112,7 @@ def _continuous_line(
         line, jumps = best_line(layers, windows, forbidden)
         if jumps:
             return None
-        q, arrived = filled(path, at, np.array([layer[j] for layer, j in zip(layers, line, strict=True)]))
+        q, arrived = filled(path, at, _taken(layers, line))
         amiss = np.flatnonzero(~arrived[1:] | (largest_steps(q, window) > 1.0)) + 1
         if not len(amiss):
             amiss = np.flatnonzero(~is_continuous(path, q)) + 1
@@ -111,6 +122,11 @@ def _continuous_line(
     return None
 
 
+def _taken(layers: list[np.ndarray], line: list[int]) -> np.ndarray:
+    """The configurations (L, n) of a line through L layers."""
+    return np.array([layer[j] for layer, j in zip(layers, line, strict=True)])
+
+
 def _windows(path: PathArrays, at: np.ndarray, window: np.ndarray) -> np.ndarray:
     """How far (L - 1, n) each joint may move from layer to layer."""
     robot = path.arrays.robot
@@ -118,31 +134,35 @@ def _windows(path: PathArrays, at: np.ndarray, window: np.ndarray) -> np.ndarray
     return np.asarray(np.minimum(np.diff(at)[:, None] * window, widest))
 
 
-def _in_parts(
-    path: PathArrays, at: np.ndarray, layers: list[np.ndarray], window: np.ndarray, solve: Solve
+def _with_reconfigurations(
+    path: PathArrays, at: np.ndarray, layers: list[np.ndarray], window: np.ndarray
 ) -> np.ndarray:
-    """Lines (N, n) as far as each goes, and between them, from one to the next, what `solve` returns."""
-    q, windows = np.full((len(path), path.n), np.nan), _windows(path, at, window)
-    for first, last in _runs([len(layer) > 0 for layer in layers]):
-        line, _ = best_line(layers[first:last], windows[first : last - 1], set())
-        q[at[first:last]] = [layer[j] for layer, j in zip(layers[first:last], line, strict=True)]
-    known = np.flatnonzero(~np.isnan(q[:, 0]))
-    for left, right in pairwise(known.tolist()):
-        between = np.arange(left, right + 1)
-        some, arrived = filled(
-            PathArrays(path.arrays, path.rows[between]), np.array([0, right - left]), q[[left, right]]
-        )
-        if arrived.all() and largest_steps(some, window).max() <= 1.0:
-            q[between] = some
-    if len(known):
-        for k in range(known[0] - 1, -1, -1):
-            q[k] = solve(k, q[k + 1])
-    for k in np.flatnonzero(np.isnan(q[:, 0])).tolist():
-        q[k] = solve(k, q[k - 1] if k else None)
+    """A line (N, n) with the fewest reconfigurations: before each it is followed pose by pose as far as that goes."""
+    line, _ = best_line(layers, _windows(path, at, window), set())
+    knots = _taken(layers, line)
+    q, arrived = filled(path, at, knots)
+    for k, (left, right) in enumerate(pairwise(at.tolist())):
+        if arrived[left : right + 1].all() and largest_steps(q[left : right + 1], window).max() <= 1.0:
+            continue
+        for i in range(left + 1, right):
+            (q[i],), (is_there,) = path.descend(np.array([i]), q[i - 1 : i])
+            if not is_there or largest_steps(q[i - 1 : i + 1], window)[0] > 1.0:
+                back = _followed_back(path, knots[k + 1], i, right)
+                q[i:right] = back
+                break
     return q
 
 
-def _runs(holds: list[bool]) -> Iterator[tuple[int, int]]:
-    """First and past-the-last index of each run of what holds."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(holds, dtype=int), [0]])))
+def _followed_back(path: PathArrays, end: np.ndarray, first: int, last: int) -> np.ndarray:
+    """Configurations at poses first, ..., last - 1, followed pose by pose from one (n,) at the pose `last`."""
+    q = np.empty((last - first, path.n))
+    for i in range(last - 1, first - 1, -1):
+        (end,), _ = path.descend(np.array([i]), end[None])
+        q[i - first] = end
+    return q
+
+
+def runs(holds: np.ndarray) -> Iterator[tuple[int, int]]:
+    """First and past-the-last index of each run of what holds (N,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], holds.astype(int), [0]])))
     yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)

@@ -1,0 +1,203 @@
+"""Paths are followed without a jump where that is possible, and the result says where it is not."""
+
+import json
+import pickle
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from support.robots import load
+
+import maira_qp as mq
+from maira_qp.errors import ConfigurationError, OptionError, PoseError
+
+POSES = 120
+
+
+def arm(name: str) -> mq.Robot:
+    return mq.Robot.maira() if name == "maira" else load(name)
+
+
+def smooth_motion(robot: mq.Robot, rng: np.random.Generator, count: int = POSES) -> np.ndarray:
+    """A random smooth joint motion (count, n) within the limits: a Bezier curve of four configurations."""
+    lower, upper = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
+    a, b, c, d = rng.uniform(lower, upper, size=(4, robot.n))
+    t = np.linspace(0.0, 1.0, count)[:, None]
+    return (1 - t) ** 3 * a + 3 * t * (1 - t) ** 2 * b + 3 * t**2 * (1 - t) * c + t**3 * d
+
+
+def poses_along(robot: mq.Robot, motion: np.ndarray) -> np.ndarray:
+    return np.array([robot.forward(q).homogeneous for q in motion])
+
+
+def errors(robot: mq.Robot, q: np.ndarray, targets: np.ndarray) -> np.ndarray:
+    """Errors (N, 2) [m, rad] of configurations (N, n), by Pinocchio."""
+    found = []
+    for here, target in zip(q, targets, strict=True):
+        difference = robot.forward(here).inverse() * pin.SE3(target)
+        found.append([np.linalg.norm(difference.translation), np.linalg.norm(pin.log3(difference.rotation))])
+    return np.array(found)
+
+
+def largest_step(q: np.ndarray) -> float:
+    return np.abs(np.diff(q, axis=0)).max()
+
+
+@pytest.mark.parametrize("is_start_given", [False, True])
+@pytest.mark.parametrize("name", ["maira", "panda", "ur5"])
+def test_what_an_arm_has_done_is_followed(name, is_start_given, rng):
+    """The path is that of a motion which is then forgotten: it is followed whole, with steps not much larger."""
+    robot = arm(name)
+    for _ in range(2):
+        motion = smooth_motion(robot, rng)
+        targets = poses_along(robot, motion)
+        path = mq.Solver(robot).track(targets, motion[0] if is_start_given else None)
+        assert path, path.reason
+        assert path.reason == ""
+        assert path.reconfigurations == 0
+        assert (path.q >= robot.lower).all()
+        assert (path.q <= robot.upper).all()
+        assert (errors(robot, path.q, targets) < 1.1e-6).all()
+        assert path.max_joint_step == largest_step(path.q) < min(0.5, 4 * largest_step(motion))
+        if is_start_given:
+            np.testing.assert_allclose(path.q[0], motion[0], atol=1e-9)
+
+
+def test_between_its_poses_the_tool_stays_on_the_path(rng):
+    robot = mq.Robot.maira()
+    targets = poses_along(robot, smooth_motion(robot, rng))
+    path = mq.Solver(robot).track(targets)
+    assert path
+    halfway = [
+        pin.SE3.Interpolate(pin.SE3(before), pin.SE3(after), 0.5).homogeneous for before, after in pairwise(targets)
+    ]
+    off = errors(robot, 0.5 * (path.q[1:] + path.q[:-1]), np.array(halfway))
+    assert np.median(off[:, 0]) < 1e-3
+    assert np.median(off[:, 1]) < 1e-2
+
+
+def two_links() -> mq.Robot:
+    link = {"d": 0.0, "alpha": 0.0, "lower": -3.0, "upper": 3.0}
+    return mq.Robot.from_dh([{"a": 0.5, **link}, {"a": 0.5, **link}])
+
+
+def test_an_elbow_does_not_flip_between_two_poses():
+    """Nearly stretched, the two ways to bend are 0.4 rad apart: a small step, and not along the path."""
+    from maira_qp.problem.targets import rows_of
+    from maira_qp.solvers.paths.continuity import is_continuous
+    from maira_qp.solvers.paths.descents import PathArrays
+
+    robot = two_links()
+    solver = mq.Solver(robot, task=mq.PositionTask())
+    bent = np.array([[0.2, -0.4], [0.21, -0.41], [0.21 - 0.41, 0.41]])
+    targets = poses_along(robot, bent)
+    np.testing.assert_allclose(targets[1, :3, 3], targets[2, :3, 3], atol=1e-12)
+    path = PathArrays(solver.engines.compiled, rows_of(targets)[0])
+    assert is_continuous(path, bent).tolist() == [True, False]
+
+
+def test_where_the_arm_cannot_reach_the_rest_is_followed(rng):
+    """A line that leaves the workspace and comes back: both parts are followed, and the first miss is named."""
+    robot = mq.Robot.maira()
+    solver = mq.Solver(robot)
+    x = np.concatenate([np.linspace(0.5, 2.5, 60), np.linspace(2.5, 0.5, 60)])
+    targets = [mq.pose([each, 0.1, 0.5], quaternion=[0, 1, 0, 0]) for each in x]
+    path = solver.track(targets)
+    alone = solver.solve_batch(targets)
+    assert not path
+    assert path.first_failure == np.flatnonzero(~alone.success)[0]
+    np.testing.assert_array_equal(path.success, alone.success)
+    assert "reach" in path.reason
+    assert (path.q >= robot.lower).all()
+    assert (path.q <= robot.upper).all()
+    before = path.q[: path.first_failure]
+    assert largest_step(before) < 0.5
+    assert str(path.first_failure) in repr(path)
+
+
+def test_a_turn_that_limits_end_is_named():
+    """The tool circles the base by more than the first joint's range: it has to unwind once, by a whole turn."""
+    robot = two_links()
+    solver = mq.Solver(robot, task=mq.PositionTask())
+    angles = np.linspace(-2.0, 6.0, 200)
+    targets = [mq.pose([0.8 * np.cos(a), 0.8 * np.sin(a), 0.0], quaternion=[1, 0, 0, 0]) for a in angles]
+    path = solver.track(targets)
+    elbow = np.arccos(0.8)  # at the first joint, between the arm and the line to its tool
+    assert not path
+    assert path.success.all()
+    assert path.reconfigurations == 1
+    assert angles[path.first_failure] < 3.0 + elbow + 0.1
+    assert "joint1 moves by" in path.reason
+    assert solver.track(targets, max_reconfigurations=1)
+
+
+def test_steps_stay_within_velocities(rng):
+    """With a time between poses each joint keeps its speed; in too little time the result says who is too slow."""
+    robot = load("panda")
+    motion = smooth_motion(robot, rng)
+    targets, solver = poses_along(robot, motion), mq.Solver(robot)
+    path = solver.track(targets, motion[0], dt=0.1)
+    assert path, path.reason
+    assert (np.abs(np.diff(path.q, axis=0)) <= robot.velocity_limit * 0.1 * (1 + 1e-9)).all()
+    hasty = solver.track(targets, motion[0], dt=1e-4)
+    assert not hasty
+    assert "is allowed" in hasty.reason
+    assert any(name in hasty.reason for name in robot.joint_names)
+
+
+def test_the_same_call_gives_the_same_path(rng):
+    robot = mq.Robot.maira()
+    targets = poses_along(robot, smooth_motion(robot, rng, 40))
+    first, second = mq.Solver(robot).track(targets), mq.Solver(robot).track(targets)
+    np.testing.assert_array_equal(first.q, second.q)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_short_paths(count):
+    robot = mq.Robot.maira()
+    targets = np.repeat(robot.forward(robot.middle + 0.1).homogeneous[None], count, axis=0)
+    path = mq.Solver(robot).track(targets)
+    assert path
+    assert path.q.shape == (count, 7)
+    assert path.max_joint_step < 1e-6
+
+
+def test_results_are_saved(rng):
+    robot = mq.Robot.maira()
+    path = mq.Solver(robot).track(poses_along(robot, smooth_motion(robot, rng, 20)))
+    values = json.loads(json.dumps(path.as_dict()))
+    np.testing.assert_array_equal(values["q"], path.q)
+    again = pickle.loads(pickle.dumps(path))
+    assert again.joint_names == robot.joint_names
+    assert repr(again) == repr(path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "words"),
+    [
+        ({"dt": 0.0}, OptionError, "dt"),
+        ({"dt": "soon"}, OptionError, "dt"),
+        ({"max_step": -0.1}, OptionError, "max_step"),
+        ({"max_step": [0.1, 0.2]}, OptionError, "max_step"),
+        ({"max_reconfigurations": 0.5}, OptionError, "max_reconfigurations"),
+        ({"q0": [0.1]}, ConfigurationError, "q0"),
+        ({"seed": -1}, OptionError, "seed"),
+        ({"path": np.eye(4)}, PoseError, "path"),
+        ({"path": np.zeros((3, 4, 4))}, PoseError, "pose of the path 0"),
+        ({"path": np.full((2, 4, 4), np.nan)}, PoseError, "pose of the path 0"),
+        ({"path": "here"}, PoseError, "path"),
+    ],
+)
+def test_bad_calls_are_explained(changes, error, words):
+    robot = mq.Robot.maira()
+    call = {"path": [robot.forward(robot.middle)] * 3, **changes}
+    with pytest.raises(error, match=words):
+        mq.Solver(robot).track(**call)
+
+
+def test_problems_that_are_not_taken_are_named():
+    robot = mq.Robot.maira()
+    limit = mq.LinearLimit(np.eye(7)[:1], np.ones(1))
+    with pytest.raises(OptionError, match="limits beside those of the joints"):
+        mq.Solver(robot, limits=[limit]).track([robot.forward(robot.middle)] * 2)
