@@ -25,6 +25,7 @@ from maira_qp.problem.tasks.relative import RelativePoseTask
 from maira_qp.problem.tasks.swivel import SwivelTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.results.batch import BatchSolution
+from maira_qp.results.path_solution import PathSolution
 from maira_qp.results.solution import Solution
 from maira_qp.results.solution_set import ListedSolution, Solutions
 from maira_qp.results.status import Status, StepStatus
@@ -61,6 +62,7 @@ __all__ = [
     "ObstacleDistance",
     "Options",
     "OrientationTask",
+    "PathSolution",
     "PoseTask",
     "PositionTask",
     "Posture",
