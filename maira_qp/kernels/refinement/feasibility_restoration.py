@@ -11,7 +11,7 @@ from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.kinematics.serial_chain import jacobian
 from maira_qp.kernels.layout import Joint, Setting
 from maira_qp.kernels.linalg.qr_null_space import factor, shortest_solution
-from maira_qp.kernels.qp.box_qp import solve_box_qp
+from maira_qp.kernels.refinement.damped_descent import damped_descent
 from maira_qp.kernels.search.levenberg_marquardt import pose_cost, quadratic_model
 from maira_qp.kernels.spatial.pose_hessian import weigh
 
@@ -35,19 +35,6 @@ def factor_rows(settings, J, fixed, At, tau, order, joints):
             At[n, 3], At[n, 4], At[n, 5] = o * J[i, 3], o * J[i, 4], o * J[i, 5]
             n += 1
     return n, factor(At, n, 6, RANK_THRESHOLD, tau, order)
-
-
-@kernel
-def restore(chain, settings, target, cost, enough, most, work, q):
-    """Lower the pose's cost at q (n,), in place, to `enough`, in at most `most` iterations of either kind.
-
-    `work` holds the kinematics of q before and after. Returns the cost and the iterations spent.
-    """
-    cost, spent = _follow_newton(chain, settings, target, cost, enough, most, work, q)
-    if cost > enough:
-        cost, more = _descend(chain, settings, target, enough, most, work, q)
-        spent += more
-    return cost, spent
 
 
 @device_kernel
@@ -80,39 +67,34 @@ def _follow_newton(chain, settings, target, cost, enough, most, work, q):
 
 
 @device_kernel
-def _descend(chain, settings, target, enough, most, work, q):
-    """Damped Gauss-Newton, a box QP an iteration, in at most `most` of them."""
-    axes, origins, tool, e, J, trial = work.axes, work.origins, work.tool, work.e, work.J, work.trial
-    H, c, diagonal, lower, upper, dq = work.H, work.c, work.diagonal, work.lower, work.upper, work.dq
-    A, y, free, side = work.A, work.y, work.free, work.side
-    n, damping, spent, fresh, largest = len(q), 1.0, 0, True, 0.0
-    cost = pose_cost(chain, settings, target, q, axes, origins, tool, e)
-    while cost > enough and spent < most:
-        spent += 1
-        if fresh:
-            jacobian(chain, axes, origins, tool, J)
-            largest = quadratic_model(settings, J, e, H, c, True)
-            for i in range(n):
-                lower[i], upper[i], diagonal[i] = chain[i, Joint.LOWER] - q[i], chain[i, Joint.UPPER] - q[i], H[i, i]
-        mu = (
-            damping * settings[Setting.DAMPING] * 2.0 * cost
-            + max(1.0, damping) * settings[Setting.LEAST_DAMPING] * largest
-        )
-        for i in range(n):
-            H[i, i] = diagonal[i] + mu
-        if not solve_box_qp(H, c, lower, upper, A, free, side, y, dq):
-            break
-        for i in range(n):
-            trial[i] = min(max(q[i] + dq[i], chain[i, Joint.LOWER]), chain[i, Joint.UPPER])
-        value = pose_cost(chain, settings, target, trial, axes, origins, tool, e)
-        fresh = value < cost
-        if fresh:
-            cost = value
-            for i in range(n):
-                q[i] = trial[i]
-            damping = max(damping * settings[Setting.ACCEPTED], settings[Setting.LEAST_FACTOR])
-        else:
-            damping *= settings[Setting.REFUSED]
-    if not fresh:
-        cost = pose_cost(chain, settings, target, q, axes, origins, tool, e)
+def _model(chain, settings, problem, enough, cost, work, q):
+    """Gauss-Newton's H and c at q (n,), unless the pose costs little enough; the cost, and the largest of |H|."""
+    H, lower, upper, largest = work.H, work.lower, work.upper, 0.0
+    if cost > enough:
+        jacobian(chain, work.axes, work.origins, work.tool, work.J)
+        largest = quadratic_model(settings, work.J, work.e, H, work.c, True)
+        for i in range(len(q)):
+            lower[i], upper[i] = chain[i, Joint.LOWER] - q[i], chain[i, Joint.UPPER] - q[i]
+    return cost, largest
+
+
+@device_kernel
+def _value(problem, cost, q):
+    """The pose's cost alone."""
+    return cost
+
+
+_descend = damped_descent(_model, _value)
+
+
+@device_kernel
+def restore(chain, settings, target, cost, enough, most, work, q):
+    """Lower the pose's cost at q (n,), in place, to `enough`, in at most `most` iterations of either kind.
+
+    `work` holds the kinematics of q before and after. Returns the cost and the iterations spent.
+    """
+    cost, spent = _follow_newton(chain, settings, target, cost, enough, most, work, q)
+    if cost > enough:
+        cost, more, _ = _descend(chain, settings, target, (), enough, most, work, q)
+        spent += more
     return cost, spent

@@ -18,6 +18,7 @@ from maira_qp.kernels.kinematics.serial_chain import jacobian
 from maira_qp.kernels.layout import Joint, Newton, Setting
 from maira_qp.kernels.qp.box_qp_simd import solve_box_qps
 from maira_qp.kernels.refinement.weighted_sum import GRADIENT_SCALE
+from maira_qp.kernels.search.damping import bound_step, damp, next_factor, take_step
 from maira_qp.kernels.search.levenberg_marquardt import begin, make_lanes, pose_cost, quadratic_model
 from maira_qp.kernels.spatial.pose_hessian import add_curvature, subtract_flattening
 
@@ -66,10 +67,7 @@ def _advance(chain, settings, tolerance, lanes):
     n, nothing = len(q), full(q, 0.0)
     cost, factor, starting = load(state, Newton.COST), load(state, Newton.FACTOR), load(state, Newton.STARTING) > 0.0
     definite = _solve(chain, settings, lanes)
-    for i in range(n):
-        now = load(q, i)
-        there = least(most(now + load(lanes.dq, i), chain[i, Joint.LOWER]), chain[i, Joint.UPPER])
-        store(trial, i, select(definite & ~starting, there, now))
+    take_step(chain, q, lanes.dq, definite & ~starting, trial)
     value = pose_cost(chain, settings, lanes.target, trial, lanes.axes, lanes.origins, lanes.tool, lanes.e)
     better = starting | (definite & (value < cost))
     exact = starting | definite
@@ -84,15 +82,11 @@ def _advance(chain, settings, tolerance, lanes):
         now, slope = load(q, i), -GRADIENT_SCALE * load(c, i)
         left = most(left, size(least(most(slope, chain[i, Joint.LOWER] - now), chain[i, Joint.UPPER] - now)))
     left = left / (GRADIENT_SCALE * most(1.0, root(2.0 * cost)))
-    factor = select(
-        better,
-        most(factor * settings[Setting.ACCEPTED], settings[Setting.LEAST_FACTOR]),
-        factor * settings[Setting.REFUSED],
-    )
+    factor = select(exact, next_factor(settings, factor, better), factor)
     steps = select(starting, 0.0, load(state, Newton.ITERATIONS) + 1.0)
     ended = (left <= tolerance) | (steps >= MOST_STEPS) | ~(cost < np.inf)
     store(state, Newton.COST, cost)
-    store(state, Newton.FACTOR, select(starting, 1.0, select(exact, factor, load(state, Newton.FACTOR))))
+    store(state, Newton.FACTOR, select(starting, 1.0, factor))
     store(state, Newton.LEFT, left)
     store(state, Newton.ITERATIONS, steps)
     store(state, Newton.LARGEST, select(renewed, largest, load(state, Newton.LARGEST)))
@@ -105,13 +99,9 @@ def _advance(chain, settings, tolerance, lanes):
 def _solve(chain, settings, lanes):
     """The step from q into dq (n,): a mask of the lanes in which the matrix is positive."""
     state, q, H = lanes.state, lanes.q, lanes.H
-    factor = load(state, Newton.FACTOR)
-    damping = factor * settings[Setting.DAMPING] * 2.0 * load(state, Newton.COST)
-    damping = damping + most(factor, 1.0) * settings[Setting.LEAST_DAMPING] * load(state, Newton.LARGEST)
-    for i in range(len(q)):
-        store2(H, i, i, load(lanes.diagonal, i) + damping)
-        store(lanes.lower, i, most(chain[i, Joint.LOWER] - load(q, i), -settings[Setting.LONGEST]))
-        store(lanes.upper, i, least(chain[i, Joint.UPPER] - load(q, i), settings[Setting.LONGEST]))
+    cost, factor, largest = load(state, Newton.COST), load(state, Newton.FACTOR), load(state, Newton.LARGEST)
+    damp(settings, factor, cost, largest, lanes.diagonal, H)
+    bound_step(chain, settings, q, lanes.lower, lanes.upper)
     if any_lane(load(state, Newton.STARTING) == 0.0):
         return solve_box_qps(H, lanes.c, lanes.lower, lanes.upper, lanes.A, lanes.side, lanes.dq)
     return load(state, Newton.STARTING) == 0.0

@@ -12,10 +12,11 @@ import numpy as np
 
 from maira_qp.kernels.jit.arena import Arena
 from maira_qp.kernels.jit.decorators import device_kernel, kernel
-from maira_qp.kernels.jit.simd import any_lane, full, least, load, load2, most, select, store, store2
+from maira_qp.kernels.jit.simd import any_lane, full, load, load2, most, select, store, store2
 from maira_qp.kernels.kinematics.serial_chain import forward, jacobian
-from maira_qp.kernels.layout import Descent, Joint, Setting
+from maira_qp.kernels.layout import Descent, Setting
 from maira_qp.kernels.qp.box_qp_simd import solve_box_qps
+from maira_qp.kernels.search.damping import bound_step, damp, next_factor, take_step
 from maira_qp.kernels.spatial.pose_error import pose_error
 
 LANES_ARENA = Arena(
@@ -118,22 +119,12 @@ def advance(chain, settings, lanes):
     n = len(q)
     cost, factor, stall_left = load(state, Descent.COST), load(state, Descent.FACTOR), load(state, Descent.STALL_LEFT)
     starting = load(state, Descent.STARTING) > 0.0
-    damping = factor * settings[Setting.DAMPING] * 2.0 * cost
-    damping = damping + most(factor, 1.0) * settings[Setting.LEAST_DAMPING] * load(state, Descent.LARGEST)
-    for i in range(n):
-        store2(H, i, i, load(lanes.diagonal, i) + damping)
-        store(lanes.lower, i, most(chain[i, Joint.LOWER] - load(q, i), -settings[Setting.LONGEST]))
-        store(lanes.upper, i, least(chain[i, Joint.UPPER] - load(q, i), settings[Setting.LONGEST]))
+    damp(settings, factor, cost, load(state, Descent.LARGEST), lanes.diagonal, H)
+    bound_step(chain, settings, q, lanes.lower, lanes.upper)
     solved = starting
     if any_lane(~starting):
         solved = solve_box_qps(H, lanes.c, lanes.lower, lanes.upper, lanes.A, lanes.side, lanes.dq)
-    moved = starting
-    for i in range(n):
-        now = load(q, i)
-        there = least(most(now + load(lanes.dq, i), chain[i, Joint.LOWER]), chain[i, Joint.UPPER])
-        there = select(starting, now, there)
-        moved = moved | (there != now)
-        store(trial, i, there)
+    moved = take_step(chain, q, lanes.dq, ~starting, trial) | starting
     value = pose_cost(chain, settings, lanes.target, trial, lanes.axes, lanes.origins, lanes.tool, lanes.e)
     better = (value < cost) & (starting | solved)
     for i in range(n):
@@ -150,17 +141,12 @@ def advance(chain, settings, lanes):
         select(value < (1.0 - settings[Setting.STALL_RATIO]) * cost, settings[Setting.STALL_STEPS], stall_left - 1.0),
         stall_left,
     )
-    factor = select(
-        better,
-        most(factor * settings[Setting.ACCEPTED], settings[Setting.LEAST_FACTOR]),
-        factor * settings[Setting.REFUSED],
-    )
-    factor = select(starting, 1.0, factor)
+    factor = select(starting, 1.0, next_factor(settings, factor, better))
     iterations = select(starting, 0.0, load(state, Descent.ITERATIONS) + 1.0)
     ended = (
         (stall_left <= 0.0)
         | (iterations >= settings[Setting.MAX_ITERATIONS])
-        | ((factor > settings[Setting.MOST_FACTOR]) & ~better)
+        | (factor > settings[Setting.MOST_FACTOR])
     )
     ended = ended | reached | (solved & ~moved) | (starting & ~better)
     store(state, Descent.FIRST_COST, select(starting, value, load(state, Descent.FIRST_COST)))
