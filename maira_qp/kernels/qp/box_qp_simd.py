@@ -4,6 +4,10 @@ All eight are factorised together however their active sets differ: a variable o
 of the identity matrix. The passes go on until every lane is settled; a lane that is settled repeats its last pass to
 the bit. Where that takes long, a pass moves one variable a lane, the first that contradicts the guess, which cannot
 cycle (Murty, "Note on a Bard-type scheme for solving the complementarity problem", 1974).
+
+For one problem `box_qp` is a source of its own. It factorises the free variables alone, which lanes cannot, as their
+active sets differ: with seven variables it takes 1.01, 0.91 and 0.80 us, the looser the box the longer, where this
+source compiled for floats takes 1.46, 1.46 and 1.37.
 """
 
 from __future__ import annotations
