@@ -14,7 +14,7 @@ WITHIN = 1e-9
 """A joint beyond a limit by at most this [rad or m] is at the limit: it is clipped."""
 FARTHEST = 1e4
 """Turns are counted to no place farther from zero [rad]: there numbers become too coarse for an angle."""
-_TURN = 2 * np.pi
+TURN = 2 * np.pi
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class WholeTurns:
     @cached_property
     def everywhere(self) -> np.ndarray:
         """Which joints (n,) have every angle within their limits: their range is a turn or more."""
-        return np.asarray(self.revolute & (self.robot.upper - self.robot.lower >= _TURN))
+        return np.asarray(self.revolute & (self.robot.upper - self.robot.lower >= TURN))
 
     @cached_property
     def long_slides(self) -> np.ndarray:
@@ -52,7 +52,7 @@ class WholeTurns:
         Of `long_slides` the arm's length on either side of it.
         """
         lower, upper = self.robot.lower, self.robot.upper
-        half = np.where(self.robot.slides, self.robot.length, 0.5 * _TURN)
+        half = np.where(self.robot.slides, self.robot.length, 0.5 * TURN)
         middle = np.clip(self.aim, lower + half, upper - half)
         first, last = np.maximum(middle - half, lower), np.minimum(middle + half, upper)
         cut = self.everywhere | self.long_slides
@@ -63,19 +63,48 @@ class WholeTurns:
         first, last = self.window
         cut = self.everywhere & np.isfinite(self.robot.lower)
         lower, upper = (
-            np.maximum(first - turns * _TURN, self.robot.lower),
-            np.minimum(last + turns * _TURN, self.robot.upper),
+            np.maximum(first - turns * TURN, self.robot.lower),
+            np.minimum(last + turns * TURN, self.robot.upper),
         )
         return np.where(cut, lower, self.robot.lower), np.where(cut, upper, self.robot.upper)
 
     def unwound(self, q: np.ndarray) -> np.ndarray:
         """The configuration (n,) with the turns taken off that `everywhere` joints have made."""
-        return q - np.where(self.everywhere, _TURN * np.round(q / _TURN), 0.0)
+        return q - np.where(self.everywhere, TURN * np.round(q / TURN), 0.0)
+
+    def shortest(self, difference: np.ndarray) -> np.ndarray:
+        """Differences (..., n) without the whole turns of `everywhere` joints."""
+        return difference - np.where(self.everywhere, TURN * np.round(difference / TURN), 0.0)
+
+    def has_room(self, least: np.ndarray, most: np.ndarray, as_they_are: bool) -> np.ndarray:
+        """Whether travels from (..., n) to (..., n) fit between the limits, turned by whole turns or as they are."""
+        first, last = self._turns_for(least, most)
+        if as_they_are:
+            first, last = np.maximum(first, 0.0), np.minimum(last, 0.0)
+        return (first <= last).all(axis=-1)
+
+    def room_for(self, least: np.ndarray, most: np.ndarray) -> np.ndarray:
+        """Whole turns (n,) [rad] that put a travel from (n,) to (n,) between the limits, about in their middle."""
+        first, last = self._turns_for(least, most)
+        middle = 0.5 * (self.window[0] + self.window[1])
+        return TURN * np.minimum(np.maximum(np.round((middle - 0.5 * (least + most)) / TURN), first), last)
+
+    def _turns_for(self, least: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The least and the largest number of turns (..., n) that keep a travel within limits; others have 0 and 0."""
+        below, above = self.robot.lower - WITHIN - least, self.robot.upper + WITHIN - most
+        first, last = np.ceil(below / TURN), np.floor(above / TURN)
+        return np.where(self.everywhere, first, 0.0 + (below > 0)), np.where(self.everywhere, last, 0.0 - (above < 0))
+
+    def in_window(self, q: np.ndarray) -> np.ndarray:
+        """Configurations (..., n) with `everywhere` joints at the turn that is sampled, see `window`."""
+        first, last = self.window
+        middle = np.where(self.everywhere, 0.5 * (first + last), 0.0)
+        return middle + self.shortest(q - middle)
 
     def apart(self, q: np.ndarray, others: np.ndarray) -> np.ndarray:
         """How far (...) [rad or m] q and others (..., n) are apart in the joint that differs most, turns aside."""
         d = self.robot.kinematics.difference(q, others)
-        return np.abs(d - np.where(self.revolute, _TURN * np.round(d / _TURN), 0.0)).max(axis=-1, initial=0.0)
+        return np.abs(d - np.where(self.revolute, TURN * np.round(d / TURN), 0.0)).max(axis=-1, initial=0.0)
 
     def within(self, q: np.ndarray, slack: float = WITHIN) -> np.ndarray:
         """Those of the configurations (k, n) that turns bring within the limits, as near the reference as they can.
@@ -83,9 +112,9 @@ class WholeTurns:
         (m, n), within the limits exactly: what is beyond them by at most `slack` [rad or m] is clipped.
         """
         first, last = self._room(q, slack)
-        turns = np.clip(np.round((self.aim - q) / _TURN), first, last)
+        turns = np.clip(np.round((self.aim - q) / TURN), first, last)
         fits = (first <= last).all(axis=-1)
-        return np.clip((q + _TURN * turns)[fits], self.robot.lower, self.robot.upper)
+        return np.clip((q + TURN * turns)[fits], self.robot.lower, self.robot.upper)
 
     def all_within(self, q: np.ndarray, most: int) -> tuple[np.ndarray, bool]:
         """All (k, n) that are some q (m, n) but for whole turns and within the limits, and whether these are all.
@@ -110,17 +139,17 @@ class WholeTurns:
 
         At most so many; a continuous joint has the first of them alone.
         """
-        nearest = np.round((self.aim[joint] - angle) / _TURN)
+        nearest = np.round((self.aim[joint] - angle) / TURN)
         if np.isinf(last):
-            return np.array([angle + _TURN * nearest])
+            return np.array([angle + TURN * nearest])
         turns = np.clip(nearest, first, last) + np.arange(-most, most + 1)
         turns = turns[(first <= turns) & (turns <= last)]
-        return angle + _TURN * turns[np.argsort(np.abs(turns - nearest), kind="stable")][:most]
+        return angle + TURN * turns[np.argsort(np.abs(turns - nearest), kind="stable")][:most]
 
     def _room(self, q: np.ndarray, slack: float = WITHIN) -> tuple[np.ndarray, np.ndarray]:
         """The fewest and the most turns (..., n) that keep q (..., n) within the limits; none do where they cross."""
         lower, upper = self.robot.lower - slack, self.robot.upper + slack
-        first, last = np.ceil((lower - q) / _TURN), np.floor((upper - q) / _TURN)
+        first, last = np.ceil((lower - q) / TURN), np.floor((upper - q) / TURN)
         return np.where(self.revolute, first, 1.0 * (q < lower)), np.where(self.revolute, last, -1.0 * (q > upper))
 
 

@@ -2,8 +2,8 @@
 
 Two configurations that are near each other may belong to different branches. Halfway between two poses, from halfway
 between their configurations, a descent ends near where it begins if one branch leads from one to the other; if not it
-ends near one of the two. Where it ends neither here nor there the halves are looked at in turn. Between poses the tool
-may be off by `DEVIATION`, as a path is a line between them by convention alone.
+ends near one of the two. Where it ends neither here nor there the halves are looked at in turn. That a path is a line
+between two poses is a convention: halfway the tool may be off by `DEVIATION`, and by some of what the poses are apart.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from maira_qp.solvers.paths.descents import PathArrays
 
-DEVIATION = 1e-3, 1e-2
-"""How far the tool may be from the poses between two of a path [m, rad]."""
+DEVIATION, SHARE = (1e-3, 1e-2), 0.25
+"""How far the tool may be from the middle of two poses [m, rad], and by what share of what these are apart."""
 HALVINGS = 6
 """How often a step is halved; what is not decided then is no motion along the path."""
 NEAR_MIDDLE = 0.25
@@ -23,24 +23,29 @@ NEAR_MIDDLE = 0.25
 
 def is_continuous(path: PathArrays, q: np.ndarray) -> np.ndarray:
     """Whether each step (N - 1,) of configurations (N, n), which reach their poses, leads along the path."""
-    path = path.within(*DEVIATION)
     continuous = np.ones(len(q) - 1, dtype=bool)
     owner, a, b, A, B = np.arange(len(q) - 1), q[:-1], q[1:], path.rows[:-1], path.rows[1:]
     for _ in range(HALVINGS):
-        M = halfway(A, B)
-        m, arrived = path.descend_to(M, 0.5 * (a + b))
+        M, middle = halfway(A, B), 0.5 * (a + b)
+        off = (path.errors(M, middle) > DEVIATION + SHARE * apart(A, B)).any(axis=1)
+        owner, a, b, A, B, M, middle = (each[off] for each in (owner, a, b, A, B, M, middle))
+        m, arrived = path.descend_to(M, middle)
+        strayed = np.abs(m - middle).max(axis=1) > NEAR_MIDDLE * np.abs(b - a).max(axis=1)
         continuous[owner[~arrived]] = False
-        strayed = np.abs(m - 0.5 * (a + b)).max(axis=1) > NEAR_MIDDLE * np.abs(b - a).max(axis=1) + 1e-6
-        open_ones = np.flatnonzero(strayed & continuous[owner])
-        if not len(open_ones):
+        on = strayed & continuous[owner]
+        if not on.any():
             return continuous
-        k = np.concatenate([open_ones, open_ones])
-        owner = owner[k]
-        half = len(open_ones)
-        a, b = np.concatenate([a[k[:half]], m[k[half:]]]), np.concatenate([m[k[:half]], b[k[half:]]])
-        A, B = np.concatenate([A[k[:half]], M[k[half:]]]), np.concatenate([M[k[:half]], B[k[half:]]])
+        owner, a, m, b, A, M, B = (each[on] for each in (owner, a, m, b, A, M, B))
+        owner = np.concatenate([owner, owner])
+        a, b, A, B = np.concatenate([a, m]), np.concatenate([m, b]), np.concatenate([A, M]), np.concatenate([M, B])
     continuous[owner] = False
     return continuous
+
+
+def apart(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """How far (M, 2) poses (M, 12) and (M, 12) are apart [m, rad]."""
+    first, second = Rotation.from_matrix(A[:, :9].reshape(-1, 3, 3)), Rotation.from_matrix(B[:, :9].reshape(-1, 3, 3))
+    return np.stack([np.linalg.norm(B[:, 9:] - A[:, 9:], axis=1), (first.inv() * second).magnitude()], axis=1)
 
 
 def halfway(A: np.ndarray, B: np.ndarray) -> np.ndarray:

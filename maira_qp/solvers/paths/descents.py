@@ -28,11 +28,12 @@ class PathArrays:
         """How many joints there are."""
         return self.arrays.n
 
-    def within(self, position: float, orientation: float) -> PathArrays:
-        """The same path, at whose poses it is enough to be within these tolerances [m, rad]."""
+    def errors(self, rows: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """Errors of position and orientation (M, 2) [m, rad] of configurations (M, n) at poses (M, 12)."""
         settings = self.arrays.settings.copy()
-        settings[Setting.POSITION_TOLERANCE], settings[Setting.ORIENTATION_TOLERANCE] = position, orientation
-        return replace(self, arrays=replace(self.arrays, settings=settings))
+        settings[Setting.MAX_ITERATIONS] = 0
+        _, outcome = _attempted(replace(self.arrays, settings=settings), rows, q)
+        return outcome[:, [Outcome.POSITION_ERROR, Outcome.ORIENTATION_ERROR]]
 
     def descend(self, which: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Descend to the poses `which` (M,), indices, from starts (M, n): q (M, n), and which of them arrived (M,)."""
@@ -40,11 +41,17 @@ class PathArrays:
 
     def descend_to(self, rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The same to poses (M, 12) that are given. What a start breaks of the limits is clipped."""
-        q, outcome = np.empty(starts.shape), np.empty((len(starts), Outcome.WIDTH))
-        batch = Batch(np.ascontiguousarray(rows), np.ascontiguousarray(starts), np.zeros(len(starts), np.uint64), False)
-        attempts(self.arrays, batch, 0, 0, q, outcome)
+        q, outcome = _attempted(self.arrays, rows, starts)
         return q, outcome[:, Outcome.SUCCESS] > 0.0
 
     def jacobians(self, q: np.ndarray) -> np.ndarray:
         """The tool's Jacobians (M, 6, n), without the rows that the task leaves free."""
         return self.arrays.robot.jacobians(q)[:, self.arrays.problem.tasks[0].all_weights > 0.0]
+
+
+def _attempted(arrays: ProblemArrays, rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """q (M, n) and outcomes (M, 9) of one descent each to poses (M, 12) from starts (M, n)."""
+    q, outcome = np.empty(starts.shape), np.empty((len(starts), Outcome.WIDTH))
+    rows, starts = np.ascontiguousarray(rows), np.ascontiguousarray(starts)
+    attempts(arrays, Batch(rows, starts, np.zeros(len(starts), np.uint64), False), 0, 0, q, outcome)
+    return q, outcome

@@ -62,7 +62,8 @@ def layers_of(
 ) -> list[np.ndarray]:
     """Configurations (M_l, n) that reach the poses `at` (L,), an array a layer.
 
-    Each holds the known one of q (N, n); where the start is given, the first holds no other.
+    Each holds the known one of q (N, n); where the start is given, the first holds no other. Joints whose range is a
+    turn or more are at one turn.
     """
     layers, before = [], np.empty((0, path.n))
     for index in at.tolist():
@@ -71,7 +72,8 @@ def layers_of(
             fresh = density.fresh * (1 if layers else FIRST_TIMES)
             starts = np.concatenate([before, *_aside(before, rng), _anywhere(path, fresh, rng)])
             found, arrived = path.descend(np.full(len(starts), index), starts)
-            here = _thinned(np.concatenate([here, found[arrived]]), density.most)
+            at_one_turn = path.arrays.problem.turns.in_window(np.concatenate([here, found[arrived]]))
+            here = _thinned(at_one_turn, density.most)
         layers.append(here)
         before = here
     return layers
@@ -88,11 +90,8 @@ def _aside(q: np.ndarray, rng: np.random.Generator) -> list[np.ndarray]:
 
 
 def _anywhere(path: PathArrays, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Random configurations (count, n) within the limits, no joint more than a turn from where starts are drawn."""
-    lower, upper = path.arrays.problem.turns.around(1)
-    window = path.arrays.problem.turns.window
-    lower, upper = np.where(np.isfinite(lower), lower, window[0]), np.where(np.isfinite(upper), upper, window[1])
-    return rng.uniform(lower, upper, size=(count, path.n))
+    """Random configurations (count, n) within the limits, each joint at one turn."""
+    return rng.uniform(*path.arrays.problem.turns.window, size=(count, path.n))
 
 
 def _thinned(q: np.ndarray, most: int) -> np.ndarray:

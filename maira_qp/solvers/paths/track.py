@@ -91,7 +91,7 @@ def follow(
     for _ in range(ROUNDS):
         at = layer_indices(path, density.spacing)
         layers = layers_of(path, at, known, is_start_given, density, rng)
-        q = _continuous_line(path, at, layers, window)
+        q = _continuous_line(path, at, layers, window, is_start_given)
         if q is not None:
             q = smoothed(path, q, window, is_start_given)
             steps = largest_steps(q, window)
@@ -100,31 +100,26 @@ def follow(
             if least <= CALM * steps.mean():
                 break
         density = density.finer()
-    return best if best is not None else _with_reconfigurations(path, at, layers, window)
+    return best if best is not None else _with_reconfigurations(path, at, layers, window, is_start_given)
 
 
 def _continuous_line(
-    path: PathArrays, at: np.ndarray, layers: list[np.ndarray], window: np.ndarray
+    path: PathArrays, at: np.ndarray, layers: list[np.ndarray], window: np.ndarray, is_start_given: bool
 ) -> np.ndarray | None:
     """A line (N, n) that reaches every pose without a step beyond the window; None: none was found."""
     windows, forbidden = _windows(path, at, window), set[Edge]()
     for _ in range(REPAIRS):
-        line, jumps = best_line(layers, windows, forbidden)
-        if jumps:
+        line = best_line(layers, windows, forbidden, path.arrays.problem.turns, is_start_given)
+        if line.reconfigurations:
             return None
-        q, arrived = filled(path, at, _taken(layers, line))
+        q, arrived = filled(path, at, line.q)
         amiss = np.flatnonzero(~arrived[1:] | (largest_steps(q, window) > 1.0)) + 1
         if not len(amiss):
             amiss = np.flatnonzero(~is_continuous(path, q)) + 1
         if not len(amiss):
             return q
-        forbidden |= {(k, line[k - 1], line[k]) for k in np.unique(np.searchsorted(at, amiss)).tolist()}
+        forbidden |= {(k, line.chosen[k - 1], line.chosen[k]) for k in np.unique(np.searchsorted(at, amiss)).tolist()}
     return None
-
-
-def _taken(layers: list[np.ndarray], line: list[int]) -> np.ndarray:
-    """The configurations (L, n) of a line through L layers."""
-    return np.array([layer[j] for layer, j in zip(layers, line, strict=True)])
 
 
 def _windows(path: PathArrays, at: np.ndarray, window: np.ndarray) -> np.ndarray:
@@ -135,11 +130,10 @@ def _windows(path: PathArrays, at: np.ndarray, window: np.ndarray) -> np.ndarray
 
 
 def _with_reconfigurations(
-    path: PathArrays, at: np.ndarray, layers: list[np.ndarray], window: np.ndarray
+    path: PathArrays, at: np.ndarray, layers: list[np.ndarray], window: np.ndarray, is_start_given: bool
 ) -> np.ndarray:
     """A line (N, n) with the fewest reconfigurations: before each it is followed pose by pose as far as that goes."""
-    line, _ = best_line(layers, _windows(path, at, window), set())
-    knots = _taken(layers, line)
+    knots = best_line(layers, _windows(path, at, window), set(), path.arrays.problem.turns, is_start_given).q
     q, arrived = filled(path, at, knots)
     for k, (left, right) in enumerate(pairwise(at.tolist())):
         if arrived[left : right + 1].all() and largest_steps(q[left : right + 1], window).max() <= 1.0:
