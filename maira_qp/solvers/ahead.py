@@ -101,7 +101,7 @@ def jobs(robot_or_solver: Robot | Solver | None, verbs: Iterable[str]) -> Iterat
         "settle_alone": searches and settles,
         "trade_off": searches and (solver is None or isinstance(solver.redundancy, Weighted)),
         "closed_form": searches and is_srs,
-        "best_swivel": searches and settles and is_srs,
+        "posture_seed": searches and settles and is_srs,
         "nearest_in_closed_form": searches and is_srs,
     }
     yield from (name for name in JOBS if wanted.get(name, searches))
@@ -200,7 +200,7 @@ def _step() -> None:
     problem.solver.step(problem.start, problem.target, 0.01)
 
 
-def _best_swivel() -> None:
+def _posture_seed() -> None:
     from maira_qp.solvers.compiled.closed_form import reach_near_posture
 
     problem = _Problem(Robot.maira(), Strict(Posture()))
@@ -261,7 +261,7 @@ JOBS: dict[str, Callable[[], object]] = {
     "closed_form": lambda: _solve(Robot.maira()),
     "search": lambda: _solve(_six_axes()),
     "settle": lambda: _settle(Strict(Posture()), 0.0),
-    "best_swivel": _best_swivel,
+    "posture_seed": _posture_seed,
     "nearest_in_closed_form": _nearest_in_closed_form,
     "settle_alone": lambda: _settle(Strict(Posture()), 0.3),
     "trade_off": lambda: _settle(Weighted(Posture(), weight=1e-3), 0.0),

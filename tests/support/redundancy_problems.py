@@ -5,12 +5,13 @@ import pytest
 
 import maira_qp as mq
 from maira_qp.kernels.layout import Refinement
-from maira_qp.kernels.refinement.null_space_sqp import settle, trade_off_each
+from maira_qp.kernels.refinement.null_space_sqp import trade_off_each
 from maira_qp.problem.objectives import Objective
 from maira_qp.problem.qp.costs import TaskCost, WeightedCost
 from maira_qp.problem.qp.hierarchy import projected_gradient
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.targets import pose_of
+from maira_qp.solvers.compiled.refinement import settle
 from maira_qp.solvers.reference.levenberg_marquardt import Budget
 from maira_qp.solvers.reference.multi_start import stationarity
 from maira_qp.solvers.reference.null_space_sqp import Settled
@@ -23,7 +24,7 @@ STATIONARY = 1e-6
 
 def settle_by_weight(arrays, rows, reference, weights, weight, q, outcome):
     """Both kernels: to the optimum of `Strict`, and where there is a weight from there to that of `Weighted`."""
-    settle(arrays.chain, arrays.settings, rows, reference, weights, arrays.settling, q, outcome)
+    settle(arrays, (reference, weights), rows, q, outcome)
     if weight != 0.0:
         trade_off_each(arrays.chain, arrays.settings, rows, reference, weights, weight, arrays.settling, q, outcome)
 
@@ -35,8 +36,8 @@ class Problem:
         solver = mq.Solver(robot, task=task, redundancy=redundancy, options=mq.Options(**options))
         self.solver = mq.Solver(robot, task=task, redundancy=redundancy, options=solver.options, backend="daqp")
         self.robot, self.redundancy, self.setting = robot, solver.redundancy, self.solver.engines.reference.context
-        self.arrays, n = solver.engines.compiled, robot.n
-        self.reference, self.weights = self.arrays.redundancy[2 : 2 + n], self.arrays.redundancy[2 + n :]
+        self.arrays = solver.engines.compiled
+        self.reference, self.weights = self.arrays.posture
         self.weight = redundancy.weight if isinstance(redundancy, Weighted) else 0.0
 
     @property

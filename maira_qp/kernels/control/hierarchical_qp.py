@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from maira_qp.kernels.jit.decorators import device_kernel
-from maira_qp.kernels.linalg.convexify import make_positive
+from maira_qp.kernels.linalg.convexify import convexify
 from maira_qp.kernels.linalg.qr_null_space import NONE, extend, null_basis, others, reduce
 from maira_qp.kernels.qp.box_qp import solve_box_qp
 from maira_qp.kernels.qp.null_space_qp import solve_row_qp
@@ -70,7 +70,7 @@ def solve_each_level(objectives, share, work):
         if work.saddle[level] >= 0.0:
             descend(M, b, k, Z, work.saddle[level], A, V, z)
         else:
-            make_positive(M, k, A, V)
+            convexify(M, k, A, V)
         solve_row_qp(M, b, k, Z, low, high, work.row_qp, work.row_qp_index, z, part)
         worth = _worth(H[level], mu[level], g, part, work.still[level]) if work.still[level] > 0.0 else 1.0
         for i in range(n):
@@ -125,7 +125,7 @@ def descend(H, c, k, Z, saddle, A, V, x):
 
     Work: A and V (k, k), x (k,).
     """
-    if make_positive(H, k, A, V):
+    if convexify(H, k, A, V):
         return
     n = len(Z)
     if k == 1:

@@ -255,7 +255,7 @@ def store2(a, i, j, value):
 
 
 @_compiled_by(_filling)
-def full(a, value):
+def broadcast(a, value):
     """A number in every lane, where `a`, an array indexed by one number, has lanes; else the number."""
     return np.full(LANES, value) if np.ndim(a) == 2 else value
 
@@ -273,25 +273,25 @@ def any_lane(chosen):
 
 
 @_compiled_by(_choosing("<"))
-def least(a, b):
+def minimum(a, b):
     """The smaller of two; b where one is NaN."""
     return select(a < b, a, b)
 
 
 @_compiled_by(_choosing(">"))
-def most(a, b):
+def maximum(a, b):
     """The larger of two; b where one is NaN."""
     return select(a > b, a, b)
 
 
 @_compiled_by(_calling("sqrt"))
-def root(x):
+def square_root(x):
     """Square root."""
     return np.sqrt(x)
 
 
 @_compiled_by(_calling("fabs"))
-def size(x):
+def magnitude(x):
     """Absolute value."""
     return abs(x)
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from maira_qp.kernels.jit.arena import Arena
 from maira_qp.kernels.jit.decorators import kernel
-from maira_qp.kernels.jit.simd import full, load, load2, store, store2
+from maira_qp.kernels.jit.simd import broadcast, load, load2, store, store2
 from maira_qp.kernels.jit.simd_trig import sine_cosine
 from maira_qp.kernels.layout import Joint
 
@@ -27,10 +27,10 @@ Kinematics, carve_kinematics = KINEMATICS.Arrays, KINEMATICS.carve
 def forward(chain, q, axes, origins, tool):
     """Tool pose, R by rows and p, into `tool` (12,); joint axes and origins in base axes into their arrays (n, 3)."""
     n = len(q)
-    r00, r01, r02 = full(q, 1.0), full(q, 0.0), full(q, 0.0)
-    r10, r11, r12 = full(q, 0.0), full(q, 1.0), full(q, 0.0)
-    r20, r21, r22 = full(q, 0.0), full(q, 0.0), full(q, 1.0)
-    px, py, pz = full(q, 0.0), full(q, 0.0), full(q, 0.0)
+    r00, r01, r02 = broadcast(q, 1.0), broadcast(q, 0.0), broadcast(q, 0.0)
+    r10, r11, r12 = broadcast(q, 0.0), broadcast(q, 1.0), broadcast(q, 0.0)
+    r20, r21, r22 = broadcast(q, 0.0), broadcast(q, 0.0), broadcast(q, 1.0)
+    px, py, pz = broadcast(q, 0.0), broadcast(q, 0.0), broadcast(q, 0.0)
     for i in range(n + 1):
         x, y, z = chain[i, 9], chain[i, 10], chain[i, 11]
         px = px + (r00 * x + r01 * y + r02 * z)

@@ -1,6 +1,6 @@
 """A symmetric matrix made positive by the size of its eigenvalues: a descent direction from any Hessian.
 
-The compiled form of `problem.qp.hierarchy.positive_part`. Most matrices that come are positive, which the pivots
+The compiled form of `problem.qp.hierarchy.convexified`. Most matrices that come are positive, which the pivots
 of a factorisation show at little cost; the others are diagonalised.
 """
 
@@ -15,7 +15,7 @@ LEAST_SHARE, LEAST = 1e-9, 1e-12
 
 
 @kernel
-def make_positive(H, k, D, V):
+def convexify(H, k, D, V):
     """Replace H (k, k) by its positive part, in place, unless it is positive already: whether it was. Work: D, V."""
     if k == 1:
         positive = H[0, 0] > 0.0

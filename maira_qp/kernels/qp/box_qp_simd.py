@@ -13,7 +13,18 @@ source compiled for floats takes 1.46, 1.46 and 1.37.
 from __future__ import annotations
 
 from maira_qp.kernels.jit.decorators import device_kernel, kernel
-from maira_qp.kernels.jit.simd import any_lane, full, least, load, load2, most, select, size, store, store2
+from maira_qp.kernels.jit.simd import (
+    any_lane,
+    broadcast,
+    load,
+    load2,
+    magnitude,
+    maximum,
+    minimum,
+    select,
+    store,
+    store2,
+)
 from maira_qp.kernels.qp.box_qp import BLOCK_PASSES
 
 
@@ -34,7 +45,7 @@ def solve_box_qps(H, c, lower, upper, A, side, x):
         if not any_lane(moved & definite):
             return definite
     for i in range(n):
-        store(x, i, least(most(load(x, i), load(lower, i)), load(upper, i)))
+        store(x, i, minimum(maximum(load(x, i), load(lower, i)), load(upper, i)))
     return definite
 
 
@@ -43,7 +54,7 @@ def _guess(c, lower, upper, side):
     """A variable starts at a bound where 0 is on that bound and the slope there leads out of the box."""
     for i in range(len(c)):
         low, high, slope = load(lower, i), load(upper, i), load(c, i)
-        at_upper = select((high <= 0.0) & (slope < 0.0), 1.0, full(c, 0.0))
+        at_upper = select((high <= 0.0) & (slope < 0.0), 1.0, broadcast(c, 0.0))
         at_bound = select((low >= 0.0) & (slope > 0.0), -1.0, at_upper)
         store(side, i, select(low < high, at_bound, -1.0))
 
@@ -102,11 +113,11 @@ def _pivot(H, c, lower, upper, side, x, one):
         now = select(free & (xi < low), -1.0, select(free & (xi > high), 1.0, s))
         if any_lane(~free):
             slope = load(c, i)
-            scale = size(slope)
+            scale = magnitude(slope)
             for j in range(n):
                 term = load2(H, i, j) * load(x, j)
                 slope = slope + term
-                scale = scale + size(term)
+                scale = scale + magnitude(term)
             now = select((low < high) & (s * slope > 1e-13 * scale), 0.0, now)
         if one:
             now = select(moved, s, now)

@@ -13,7 +13,20 @@ from __future__ import annotations
 import numpy as np
 
 from maira_qp.kernels.jit.decorators import device_kernel, kernel
-from maira_qp.kernels.jit.simd import LANES, any_lane, full, least, load, load2, most, root, select, size, store, store2
+from maira_qp.kernels.jit.simd import (
+    LANES,
+    any_lane,
+    broadcast,
+    load,
+    load2,
+    magnitude,
+    maximum,
+    minimum,
+    select,
+    square_root,
+    store,
+    store2,
+)
 from maira_qp.kernels.kinematics.serial_chain import jacobian
 from maira_qp.kernels.layout import Joint, Newton, Setting
 from maira_qp.kernels.qp.box_qp_simd import solve_box_qps
@@ -64,7 +77,7 @@ def newton_in_lanes(chain, settings, targets, starts, tolerance, floats, lane_of
 def _advance(chain, settings, tolerance, lanes):
     """One step in every lane; where a descent begins, a look at where it stands."""
     state, q, trial, c = lanes.state, lanes.q, lanes.trial, lanes.c
-    n, nothing = len(q), full(q, 0.0)
+    n, nothing = len(q), broadcast(q, 0.0)
     cost, factor, starting = load(state, Newton.COST), load(state, Newton.FACTOR), load(state, Newton.STARTING) > 0.0
     definite = _solve(chain, settings, lanes)
     take_step(chain, q, lanes.dq, definite & ~starting, trial)
@@ -80,8 +93,10 @@ def _advance(chain, settings, tolerance, lanes):
     left = nothing
     for i in range(n):
         now, slope = load(q, i), -GRADIENT_SCALE * load(c, i)
-        left = most(left, size(least(most(slope, chain[i, Joint.LOWER] - now), chain[i, Joint.UPPER] - now)))
-    left = left / (GRADIENT_SCALE * most(1.0, root(2.0 * cost)))
+        left = maximum(
+            left, magnitude(minimum(maximum(slope, chain[i, Joint.LOWER] - now), chain[i, Joint.UPPER] - now))
+        )
+    left = left / (GRADIENT_SCALE * maximum(1.0, square_root(2.0 * cost)))
     factor = select(exact, next_factor(settings, factor, better), factor)
     steps = select(starting, 0.0, load(state, Newton.ITERATIONS) + 1.0)
     ended = (left <= tolerance) | (steps >= MOST_STEPS) | ~(cost < np.inf)

@@ -1,8 +1,8 @@
 """Settle the redundancy once the pose is reached: the compiled form of `solvers.reference.null_space_sqp`.
 
 For one objective `1/2 sum_i w_i (q_i - ref_i)^2` (`Posture`, `LimitDistance`). Nearly all targets are brought to their
-optimum by `lane_walk`, eight at a time. The others the walk here, which is that of `solvers.reference.null_space_sqp`
-and explained there, takes alone from where the search left them: a Newton step in the null space of the pose, with the
+optimum by `stabilized_sqp_simd`, eight at a time. The others the walk here, which is that of
+`solvers.reference.null_space_sqp` and explained there, takes alone from where the search left them: a Newton step in the null space of the pose, with the
 Lagrangian's Hessian, inside the limits and a trust region; back onto the pose; the step counts if the objective fell.
 It differs in two things. On the way a step brings the arm back only so far that what is left is within the tolerances,
 and small against the step's own error, and all the way at the end. And where the Hessian is indefinite and limits hold
@@ -16,12 +16,12 @@ import numpy as np
 from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.kinematics.serial_chain import jacobian
 from maira_qp.kernels.layout import Joint, Refinement, Setting, Settling
-from maira_qp.kernels.linalg.convexify import make_positive
+from maira_qp.kernels.linalg.convexify import convexify
 from maira_qp.kernels.linalg.qr_null_space import balance, null_basis, reduce
 from maira_qp.kernels.qp.null_space_qp import solve_row_qp
 from maira_qp.kernels.refinement.feasibility_restoration import factor_rows, restore
 from maira_qp.kernels.refinement.posture_objective import objective_cost
-from maira_qp.kernels.refinement.stabilized_sqp_simd import ON_LIMIT, settle_in_lanes
+from maira_qp.kernels.refinement.stabilized_sqp_simd import ON_LIMIT
 from maira_qp.kernels.refinement.weighted_sum import GRADIENT_SCALE, trade_off
 from maira_qp.kernels.refinement.workspace import make_workspace
 from maira_qp.kernels.search.levenberg_marquardt import is_reached, pose_cost, squares
@@ -34,28 +34,13 @@ MULTIPLIER_THRESHOLD = 1e-6
 """Pivots below this share of the first make no multipliers: near a singularity they would be without bound."""
 
 
-def settle(chain, settings, targets, reference, weights, settling, q, outcome):
-    """From configurations q (N, n) that reach the targets (N, 12) to the optimum of the redundancy near each, in place.
-
-    That of `Strict`, from which `trade_off_each` goes on to that of `Weighted`. q stays inside the limits to the bit.
-    `outcome` (N, 6) becomes [reached, iterations, projected gradient, objective, position error, orientation error];
-    where `lane_walk` has proved an optimum, the gradient is the bound it found. Where q does not reach the pose to
-    begin with, it is left as it is, with an infinite gradient.
-
-    Not a kernel, but two of them, so that the one that few targets need is compiled when one does.
-    """
-    settle_in_lanes(chain, settings, targets, reference, weights, settling, q, outcome)
-    alone = outcome[:, Refinement.PROJECTED_GRADIENT] == np.inf
-    if alone.any():
-        left = np.flatnonzero(alone)
-        some, told = q[left], outcome[left]
-        settle_alone(chain, settings, targets[left], reference, weights, settling, some, told)
-        q[left], outcome[left] = some, told
-
-
 @kernel(allocates=True)
 def settle_alone(chain, settings, targets, reference, weights, settling, q, outcome):
-    """Settle q (N, n) one by one, see `settle`; the iterations are added to those of `outcome` (N, 6)."""
+    """To the optimum near each q (N, n), one by one, in place, from where `settle_in_lanes` found none.
+
+    `outcome` (N, 6) becomes [reached, iterations, projected gradient, objective, position error, orientation error];
+    the iterations are added to those that it holds. q stays inside the limits to the bit.
+    """
     work = make_workspace(q.shape[1])
     for k in range(len(q)):
         spent, left = 0, np.inf
@@ -67,7 +52,7 @@ def settle_alone(chain, settings, targets, reference, weights, settling, q, outc
 
 @kernel(allocates=True)
 def trade_off_each(chain, settings, targets, reference, weights, weight, settling, q, outcome):
-    """From the optima q (N, n) of `Strict`, where they reach the targets, to those of `Weighted`, see `settle`."""
+    """From the optima q (N, n) of `Strict`, where they reach the targets, to those of `Weighted`."""
     work = make_workspace(q.shape[1])
     tolerance, most = settling[Settling.STATIONARITY_TOLERANCE] * min(1.0, weight), settling[Settling.MAX_SETTLING]
     for k in range(len(q)):
@@ -231,7 +216,7 @@ def _step(chain, settings, weights, k, radius, work, q):
             null_basis(At, tau, joints, count, rank, g, x, Z, c)
         lagrangian_hessian(settings, weights, count, rank, work)
         reduce(H, k, Z, x, M)
-        convex = make_positive(M, k, A, V)
+        convex = convexify(M, k, A, V)
         solve_row_qp(M, c, k, Z, lower, upper, memory, index, z, dq)
         differ, longest, within = False, 0.0, False
         beyond = False

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from maira_qp.kernels.jit.decorators import kernel
-from maira_qp.kernels.jit.simd import full, load
+from maira_qp.kernels.jit.simd import broadcast, load
 
 
 @kernel
 def objective_cost(q, reference, weights):
     """The value at q (n,)."""
-    s = full(q, 0.0)
+    s = broadcast(q, 0.0)
     for i in range(len(q)):
         d = load(q, i) - reference[i]
         s = s + weights[i] * d * d

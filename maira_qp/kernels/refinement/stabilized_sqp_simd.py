@@ -25,7 +25,7 @@ import numpy as np
 
 from maira_qp.kernels.jit.arena import Arena
 from maira_qp.kernels.jit.decorators import device_kernel, kernel
-from maira_qp.kernels.jit.simd import LANES, full, least, load, load2, most, select, size, store, store2
+from maira_qp.kernels.jit.simd import LANES, broadcast, load, load2, magnitude, maximum, minimum, select, store, store2
 from maira_qp.kernels.kinematics.serial_chain import jacobian
 from maira_qp.kernels.layout import Joint, Refinement, Setting, Settling, Walk
 from maira_qp.kernels.qp.box_qp_simd import solve_box_qps
@@ -164,7 +164,7 @@ def _begin(walks, lane, target, q, settling):
 def _advance(chain, settings, reference, weights, settling, walks):
     """One step in every lane; where a walk begins, a look at where it stands."""
     state, q, ahead = walks.state, walks.q, walks.ahead
-    n, scale, nothing = len(q), 0.0, full(q, 0.0)
+    n, scale, nothing = len(q), 0.0, broadcast(q, 0.0)
     for weight in weights:
         scale += weight / n
     starting, radius, factor = load(state, Walk.STARTING) > 0.0, load(state, Walk.RADIUS), load(state, Walk.FACTOR)
@@ -175,21 +175,23 @@ def _advance(chain, settings, reference, weights, settling, walks):
     jacobian(chain, walks.axes, walks.origins, walks.tool, walks.ahead_J)
     left = _lagrangian_gradient(chain, settings, reference, weights, walks)
     fell = _augmented_lagrangian_fell(settings, settling, scale, cost, value, walks)
-    halved = (left < 0.5 * load(state, Walk.LEFT)) & (cost < most(load(state, Walk.COST), settling[Settling.RESTORED]))
+    halved = (left < 0.5 * load(state, Walk.LEFT)) & (
+        cost < maximum(load(state, Walk.COST), settling[Settling.RESTORED])
+    )
     taken = (starting & is_reached(settings, walks.ahead_e)) | (~starting & definite & (fell | halved))
     _move(walks, taken)
     cost, left = select(taken, cost, load(state, Walk.COST)), select(taken, left, load(state, Walk.LEFT))
     grown = select(longest > 0.9 * radius, 2.0 * radius, radius)
-    radius = select(starting | ~definite, radius, select(taken, grown, 0.25 * least(radius, longest)))
+    radius = select(starting | ~definite, radius, select(taken, grown, 0.25 * minimum(radius, longest)))
     less = select(taken, LESS_DAMPING * factor, factor)
-    factor = select(starting | definite, less, most(MORE_DAMPING * factor, FIRST_DAMPING))
+    factor = select(starting | definite, less, maximum(MORE_DAMPING * factor, FIRST_DAMPING))
     steps = load(state, Walk.STEPS) + 1.0
     converged = (
         taken & (left <= 0.5 * settling[Settling.STATIONARITY_TOLERANCE]) & (cost <= settling[Settling.RESTORED])
     )
     ended = (
         converged
-        | (steps >= least(settling[Settling.MAX_SETTLING], MOST_STEPS))
+        | (steps >= minimum(settling[Settling.MAX_SETTLING], MOST_STEPS))
         | (radius < settling[Settling.LEAST_RADIUS])
     )
     store(state, Walk.COST, cost)
@@ -216,8 +218,8 @@ def _solve_model(chain, settings, weights, scale, walks):
     for i in range(len(q)):
         store2(H, i, i, load2(H, i, i) + weight * (weights[i] + scale * factor))
         store(c, i, load(c, i) + weight * load(walks.slope, i))
-        store(walks.lower, i, least(most(chain[i, Joint.LOWER] - load(q, i), -radius), 0.0))
-        store(walks.upper, i, most(least(chain[i, Joint.UPPER] - load(q, i), radius), 0.0))
+        store(walks.lower, i, minimum(maximum(chain[i, Joint.LOWER] - load(q, i), -radius), 0.0))
+        store(walks.upper, i, maximum(minimum(chain[i, Joint.UPPER] - load(q, i), radius), 0.0))
     return solve_box_qps(H, c, walks.lower, walks.upper, walks.A, walks.side, walks.dq)
 
 
@@ -226,13 +228,13 @@ def _propose(chain, settings, scale, walks):
     """q + dq and the multipliers there into ahead (n,) and ahead_y (6,): the longest displacement of a joint."""
     starting = load(walks.state, Walk.STARTING) > 0.0
     q, dq, ahead, ahead_y, weighted = walks.q, walks.dq, walks.ahead, walks.ahead_y, walks.weighted
-    longest, change = full(q, 0.0), full(q, 0.0)
+    longest, change = broadcast(q, 0.0), broadcast(q, 0.0)
     for i in range(len(q)):
         now = load(q, i)
         low, high = chain[i, Joint.LOWER], chain[i, Joint.UPPER]
-        there = least(most(now + load(dq, i), low), high)
+        there = minimum(maximum(now + load(dq, i), low), high)
         there = select(there - low <= ON_LIMIT, low, select(high - there <= ON_LIMIT, high, there))
-        longest = most(longest, size(there - now))
+        longest = maximum(longest, magnitude(there - now))
         store(ahead, i, select(starting, load(ahead, i), there))
     for row in range(6):
         s = -load(walks.e, row)
@@ -241,7 +243,7 @@ def _propose(chain, settings, scale, walks):
         store(weighted, row, s * (scale / SMALL_WEIGHT))
     weigh(settings, weighted, weighted)
     for row in range(6):
-        change = most(change, size(load(weighted, row)))
+        change = maximum(change, magnitude(load(weighted, row)))
     believed = change < MOST_CHANGE * scale
     for row in range(6):
         there = load(walks.y, row) + select(believed, load(weighted, row), 0.0)
@@ -252,7 +254,7 @@ def _propose(chain, settings, scale, walks):
 @device_kernel
 def _lagrangian_gradient(chain, settings, reference, weights, walks):
     """g + A^T y ahead, into ahead_slope (n,): the largest entry of what the limits leave of it."""
-    ahead, J, left = walks.ahead, walks.ahead_J, full(walks.q, 0.0)
+    ahead, J, left = walks.ahead, walks.ahead_J, broadcast(walks.q, 0.0)
     weigh(settings, walks.ahead_y, walks.weighted)
     for i in range(len(ahead)):
         now = load(ahead, i)
@@ -260,8 +262,9 @@ def _lagrangian_gradient(chain, settings, reference, weights, walks):
         for row in range(6):
             s = s + load2(J, i, row) * load(walks.weighted, row)
         store(walks.ahead_slope, i, s)
-        left = most(
-            left, size(least(most(-GRADIENT_SCALE * s, chain[i, Joint.LOWER] - now), chain[i, Joint.UPPER] - now))
+        left = maximum(
+            left,
+            magnitude(minimum(maximum(-GRADIENT_SCALE * s, chain[i, Joint.LOWER] - now), chain[i, Joint.UPPER] - now)),
         )
     return left / GRADIENT_SCALE
 
@@ -269,14 +272,14 @@ def _lagrangian_gradient(chain, settings, reference, weights, walks):
 @device_kernel
 def _augmented_lagrangian_fell(settings, settling, scale, cost, value, walks):
     """Whether `f - y^T W e + penalty/2 |W e|^2` is lower ahead than at q, with the multipliers y ahead."""
-    state, ahead_y, weighted, largest = walks.state, walks.ahead_y, walks.weighted, full(walks.q, 0.0)
+    state, ahead_y, weighted, largest = walks.state, walks.ahead_y, walks.weighted, broadcast(walks.q, 0.0)
     gain = load(state, Walk.VALUE) - value
     weigh(settings, ahead_y, weighted)
     for row in range(6):
         gain = gain - load(weighted, row) * (load(walks.e, row) - load(walks.ahead_e, row))
-        largest = most(largest, size(load(ahead_y, row)))
+        largest = maximum(largest, magnitude(load(ahead_y, row)))
     gain = gain + PENALTY * (scale + largest) * (load(state, Walk.COST) - cost)
-    return gain > -settling[Settling.RESOLUTION] * (scale + size(load(state, Walk.VALUE)) + largest)
+    return gain > -settling[Settling.RESOLUTION] * (scale + magnitude(load(state, Walk.VALUE)) + largest)
 
 
 @device_kernel

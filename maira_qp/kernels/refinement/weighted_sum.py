@@ -13,7 +13,7 @@ import math
 from maira_qp.kernels.jit.decorators import device_kernel
 from maira_qp.kernels.kinematics.serial_chain import jacobian
 from maira_qp.kernels.layout import Joint
-from maira_qp.kernels.linalg.convexify import make_positive
+from maira_qp.kernels.linalg.convexify import convexify
 from maira_qp.kernels.refinement.damped_descent import damped_descent
 from maira_qp.kernels.refinement.posture_objective import objective_cost
 from maira_qp.kernels.search.damping import bound_step
@@ -39,7 +39,7 @@ def _model(chain, settings, problem, tolerance, cost, work, q):
         slope = min(max(-GRADIENT_SCALE * c[i], low), high) / GRADIENT_SCALE if known else math.inf
         left = max(left, abs(slope))
     bound_step(chain, settings, q, lower, upper)
-    make_positive(H, n, work.A, work.V)
+    convexify(H, n, work.A, work.V)
     for i in range(n):
         largest = max(largest, H[i, i])
     return left / max(1.0, math.sqrt(2.0 * cost)), largest

@@ -8,7 +8,7 @@ A step that lowers the cost shrinks the factor, any other raises it.
 from __future__ import annotations
 
 from maira_qp.kernels.jit.decorators import device_kernel
-from maira_qp.kernels.jit.simd import least, load, most, select, store, store2
+from maira_qp.kernels.jit.simd import load, maximum, minimum, select, store, store2
 from maira_qp.kernels.layout import Joint, Setting
 
 
@@ -16,7 +16,7 @@ from maira_qp.kernels.layout import Joint, Setting
 def damp(settings, factor, cost, largest, diagonal, H):
     """Make `diagonal` (n,) + mu the diagonal of H (n, n), with the cost `1/2 |W e|^2` and the `largest` entry of H."""
     mu = factor * settings[Setting.DAMPING] * 2.0 * cost
-    mu = mu + most(factor, 1.0) * settings[Setting.LEAST_DAMPING] * largest
+    mu = mu + maximum(factor, 1.0) * settings[Setting.LEAST_DAMPING] * largest
     for i in range(len(diagonal)):
         store2(H, i, i, load(diagonal, i) + mu)
 
@@ -24,7 +24,7 @@ def damp(settings, factor, cost, largest, diagonal, H):
 @device_kernel
 def next_factor(settings, factor, accepted):
     """The factor after a step that is `accepted`, or is not; above MOST_FACTOR a descent ends."""
-    shrunk = most(factor * settings[Setting.ACCEPTED], settings[Setting.LEAST_FACTOR])
+    shrunk = maximum(factor * settings[Setting.ACCEPTED], settings[Setting.LEAST_FACTOR])
     return select(accepted, shrunk, factor * settings[Setting.REFUSED])
 
 
@@ -32,8 +32,8 @@ def next_factor(settings, factor, accepted):
 def bound_step(chain, settings, q, lower, upper):
     """The box (n,) of a step from q (n,): within the limits, and no longer than LONGEST."""
     for i in range(len(q)):
-        store(lower, i, most(chain[i, Joint.LOWER] - load(q, i), -settings[Setting.LONGEST]))
-        store(upper, i, least(chain[i, Joint.UPPER] - load(q, i), settings[Setting.LONGEST]))
+        store(lower, i, maximum(chain[i, Joint.LOWER] - load(q, i), -settings[Setting.LONGEST]))
+        store(upper, i, minimum(chain[i, Joint.UPPER] - load(q, i), settings[Setting.LONGEST]))
 
 
 @device_kernel
@@ -42,7 +42,7 @@ def take_step(chain, q, dq, steps, trial):
     moved = load(q, 0) < load(q, 0)  # nowhere
     for i in range(len(q)):
         now = load(q, i)
-        there = least(most(now + load(dq, i), chain[i, Joint.LOWER]), chain[i, Joint.UPPER])
+        there = minimum(maximum(now + load(dq, i), chain[i, Joint.LOWER]), chain[i, Joint.UPPER])
         there = select(steps, there, now)
         moved = moved | (there != now)
         store(trial, i, there)

@@ -12,7 +12,7 @@ import numpy as np
 
 from maira_qp.kernels.jit.arena import Arena
 from maira_qp.kernels.jit.decorators import device_kernel, kernel
-from maira_qp.kernels.jit.simd import any_lane, full, load, load2, most, select, store, store2
+from maira_qp.kernels.jit.simd import any_lane, broadcast, load, load2, maximum, select, store, store2
 from maira_qp.kernels.kinematics.serial_chain import forward, jacobian
 from maira_qp.kernels.layout import Descent, Setting
 from maira_qp.kernels.qp.box_qp_simd import solve_box_qps
@@ -96,7 +96,7 @@ def quadratic_model(settings, J, e, H, c, renew):
     """
     p2, o2 = settings[Setting.POSITION_WEIGHT] ** 2, settings[Setting.ORIENTATION_WEIGHT] ** 2
     e0, e1, e2, e3, e4, e5 = load(e, 0), load(e, 1), load(e, 2), load(e, 3), load(e, 4), load(e, 5)
-    largest = full(c, 0.0)
+    largest = broadcast(c, 0.0)
     for i in range(len(c)):
         a0, a1, a2 = p2 * load2(J, i, 0), p2 * load2(J, i, 1), p2 * load2(J, i, 2)
         a3, a4, a5 = o2 * load2(J, i, 3), o2 * load2(J, i, 4), o2 * load2(J, i, 5)
@@ -108,7 +108,7 @@ def quadratic_model(settings, J, e, H, c, renew):
             h = select(renew, h, load2(H, i, j))
             store2(H, i, j, h)
             store2(H, j, i, h)
-        largest = most(largest, load2(H, i, i))  # of a positive matrix the largest entry stands on the diagonal
+        largest = maximum(largest, load2(H, i, i))  # of a positive matrix the largest entry stands on the diagonal
     return largest
 
 
@@ -158,5 +158,5 @@ def advance(chain, settings, lanes):
     store(state, Descent.POSITION, select(better, position, load(state, Descent.POSITION)))
     store(state, Descent.ORIENTATION, select(better, orientation, load(state, Descent.ORIENTATION)))
     store(state, Descent.STARTING, 0.0)
-    store(state, Descent.ENDED, select(ended, 1.0, full(q, 0.0)))
-    store(state, Descent.REACHED, select(reached, 1.0, full(q, 0.0)))
+    store(state, Descent.ENDED, select(ended, 1.0, broadcast(q, 0.0)))
+    store(state, Descent.REACHED, select(reached, 1.0, broadcast(q, 0.0)))

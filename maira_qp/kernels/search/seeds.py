@@ -15,7 +15,7 @@ from numba import uint64
 
 from maira_qp.kernels.jit.arena import view
 from maira_qp.kernels.jit.decorators import device_kernel, kernel
-from maira_qp.kernels.jit.simd import LANES, full, load2, select, store
+from maira_qp.kernels.jit.simd import LANES, broadcast, load2, select, store
 from maira_qp.kernels.layout import Feature, Joint, Setting
 from maira_qp.kernels.search.levenberg_marquardt import make_lanes, pose_cost
 from maira_qp.kernels.search.random_numbers import next_random
@@ -54,7 +54,7 @@ def find_nearest(settings, features, target, work, nearest):
     t0, t1, t2, t3 = turning * target[0], turning * target[1], turning * target[2], turning * target[3]
     t4, t5, t6, t7 = turning * target[4], turning * target[5], turning * target[6], turning * target[7]
     t8, t9, t10, t11 = turning * target[8], moving * target[9], moving * target[10], moving * target[11]
-    least, block = full(work, np.inf), full(work, 0.0)
+    least, block = broadcast(work, np.inf), broadcast(work, 0.0)
     for k in range(len(features)):
         # four sums, of which none waits for another, of the product of the two poses
         a = load2(features, k, 0) * t0 + load2(features, k, 1) * t1 + load2(features, k, 2) * t2

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from maira_qp.kernels.jit.decorators import kernel
-from maira_qp.kernels.jit.simd import any_lane, load, most, root, select, store
+from maira_qp.kernels.jit.simd import any_lane, load, maximum, select, square_root, store
 
 
 @kernel
@@ -28,7 +28,7 @@ def pose_error(tool, target, e):
     # four times a quaternion, each component times the same one: that with the largest square is the safe one
     ww, xx, yy, zz = 1.0 + m00 + m11 + m22, 1.0 + m00 - m11 - m22, 1.0 - m00 + m11 - m22, 1.0 - m00 - m11 + m22
     w, x, y, z = ww, sx, sy, sz
-    largest = most(most(ww, xx), most(yy, zz))
+    largest = maximum(maximum(ww, xx), maximum(yy, zz))
     if any_lane(ww < largest):
         xy = g3 * t0 + g4 * t1 + g5 * t2 + (g0 * t3 + g1 * t4 + g2 * t5)
         xz = g0 * t6 + g1 * t7 + g2 * t8 + (g6 * t0 + g7 * t1 + g8 * t2)
@@ -42,9 +42,9 @@ def pose_error(tool, target, e):
         w, x = select(long_way, -w, w), select(long_way, -x, x)
         y, z = select(long_way, -y, y), select(long_way, -z, z)
     square = x * x + y * y + z * z
-    norm = root(square)
+    norm = square_root(square)
     # atan2(norm, w) is twice the arctangent of this, which lies in [0, 1]
-    half = norm / (w + root(square + w * w))
+    half = norm / (w + square_root(square + w * w))
     factor = select(norm > 0.0, 4.0 * arctangent(half) / norm, 0.0)
     store(e, 3, factor * x)
     store(e, 4, factor * y)

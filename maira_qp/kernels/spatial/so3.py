@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from maira_qp.kernels.jit.decorators import kernel
-from maira_qp.kernels.jit.simd import root, select
+from maira_qp.kernels.jit.simd import select, square_root
 from maira_qp.kernels.jit.simd_trig import sine_cosine
 from maira_qp.kernels.spatial.vectors import cross, dot, length
 
@@ -16,7 +16,7 @@ from maira_qp.kernels.spatial.vectors import cross, dot, length
 @kernel
 def flattening(square):
     """k for the square of an angle, in one lane or eight; 1/12 at 0."""
-    half = 0.5 * root(square)
+    half = 0.5 * square_root(square)
     sine, cosine = sine_cosine(half)
     return select(square < 1e-4, 1.0 / 12.0 + square / 720.0, (1.0 - half * cosine / sine) / square)
 

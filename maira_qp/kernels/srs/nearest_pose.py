@@ -55,7 +55,7 @@ def nearest_in_closed_form(chain, settings, arm, span, targets, streams, shuffle
 
     For each of targets (N, 12), with outcomes (N, 9) as of `search`, but for what tells of success; the cost stays
     infinite where there is no start. `span` (2,) [m] are the distances of shoulder and wrist that the elbow allows;
-    `streams` (N,) and `shuffled` are as of `reach_in_closed_form`, tolerance as of `lane_newton`.
+    `streams` (N,) and `shuffled` are as of `reach_in_closed_form`, tolerance as of `newton_simd`.
     """
     count, n = q.shape
     work = make_nearest(n, count)

@@ -13,7 +13,7 @@ import numpy as np
 
 from maira_qp.kernels.jit.arena import Arena
 from maira_qp.kernels.jit.decorators import device_kernel, kernel
-from maira_qp.kernels.jit.simd import LANES, full, load, most, root, select, store
+from maira_qp.kernels.jit.simd import LANES, broadcast, load, maximum, select, square_root, store
 from maira_qp.kernels.jit.simd_trig import sine_cosine
 from maira_qp.kernels.layout import Axis, Outcome, Part, Range, SeedLanes, Spherical
 from maira_qp.kernels.srs.feasible_configuration import bends, spans, turns
@@ -70,8 +70,8 @@ def _start(arm, target, postures, elbow_reference, elbow_weight, work, lanes, q)
     if not spans(arm, distance):
         return False
     cosine, sine = bend(arm, distance)
-    store(lanes, SeedLanes.LEAST, full(lanes, np.inf))
-    store(lanes, SeedLanes.CHOICE, full(lanes, 0.0))
+    store(lanes, SeedLanes.LEAST, broadcast(lanes, np.inf))
+    store(lanes, SeedLanes.CHOICE, broadcast(lanes, 0.0))
     for elbow in range(2):
         circles, sign = work.circles[elbow], 1.0 - 2.0 * elbow
         if bends(arm, cosine, sine, sign, q) and swing(arm, work.base, cosine, sine, sign, circles):
@@ -122,7 +122,7 @@ def _part(arm, circles, postures, part, c, s):
     first, rise, last = b - a * z, z - a * b, a - b * z
     across = p * p + r * r
     square = sin_a * sin_a * across - first * first
-    n = root(most(square, 0.0))
+    n = square_root(maximum(square, 0.0))
     outer, scale = 1.0 / across, 1.0 / (sin_a * sin_b)
     from_first, from_last = outer * (1.0 / sin_a), outer * (1.0 / sin_b)
     cosine, sine = scale * joint[Spherical.COS_PHASE], scale * joint[Spherical.SIN_PHASE]

@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from maira_qp.problem.limits.joint import Tick
 from maira_qp.problem.objectives import Objective
-from maira_qp.problem.qp.hierarchy import RANK_THRESHOLD, Level, largest_row, positive_part
+from maira_qp.problem.qp.hierarchy import RANK_THRESHOLD, Level, convexified, largest_row
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.model.configuration import Configuration
@@ -120,7 +120,7 @@ class ExactTaskCost:
     def level(self, at: Configuration) -> Level:
         """Newton, its Hessian made positive by the size of its eigenvalues."""
         model = self.tasks.level(at)
-        return replace(model, H=positive_part(self.hessian(at)))
+        return replace(model, H=convexified(self.hessian(at)))
 
     def hessian(self, at: Configuration) -> np.ndarray:
         """The Hessian (n, n), of any definiteness."""
@@ -198,7 +198,7 @@ class WeightedCost:
         pose = self.tasks.level(at)
         H = ExactTaskCost(self.tasks).hessian(at) + self.weight * self.objective.hessian(at)
         return Level(
-            positive_part(H),
+            convexified(H),
             pose.c + self.weight * self.objective.gradient(at),
             pose.rows,
             pose.cost + self.weight * self.objective.cost(at),

@@ -94,7 +94,7 @@ def build_first(level: Level, bounds: Bounds) -> Subproblem:
 def build_next(level: Level, bounds: Bounds, start: np.ndarray, Z: np.ndarray) -> Subproblem:
     """A lower level: a QP in the few z, from the `start` (n,) of the level above, with every limit as a row."""
     H, c = Z.T @ level.H @ Z, Z.T @ (level.c + level.H @ start)
-    H, c = (positive_part(H), c) if level.saddle is None else descending(H, c, Z, level.saddle)
+    H, c = (convexified(H), c) if level.saddle is None else descending(H, c, Z, level.saddle)
     rows = np.vstack([Z, -Z, bounds.G @ Z])
     room = _room(bounds, start)
     felt = np.isfinite(room) & (rows != 0).any(axis=1)
@@ -211,7 +211,7 @@ def largest_row(A: np.ndarray) -> float:
     return float(np.sqrt(np.einsum("ij,ij->i", A, A).max(initial=0.0)))
 
 
-def positive_part(H: np.ndarray) -> np.ndarray:
+def convexified(H: np.ndarray) -> np.ndarray:
     """H with its eigenvalues replaced by their sizes, and those near zero lifted: a descent direction from any H."""
     if len(H) == 1:
         return np.maximum(np.abs(H), 1e-12)
@@ -238,7 +238,7 @@ def descending(H: np.ndarray, c: np.ndarray, Z: np.ndarray, saddle: float) -> tu
             side = way[np.abs(way).argmax()] if abs(slope) < 1e-9 * least else -slope
             if abs(slope) < least:
                 c = c - (slope + math.copysign(least, side)) * v
-    return positive_part(H), c
+    return convexified(H), c
 
 
 def _solve_in_null_space(qp: QP, backend: Backend) -> np.ndarray:

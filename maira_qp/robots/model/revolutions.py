@@ -81,7 +81,7 @@ class WholeTurns:
         first, last = self._turns_for(least, most)
         if as_they_are:
             first, last = np.maximum(first, 0.0), np.minimum(last, 0.0)
-        return (first <= last).all(axis=-1)
+        return np.asarray((first <= last).all(axis=-1))
 
     def room_for(self, least: np.ndarray, most: np.ndarray) -> np.ndarray:
         """Whole turns (n,) [rad] that put a travel from (n,) to (n,) between the limits, about in their middle."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -36,9 +36,16 @@ EXACT = 1e-12
 LEAST_EXACT_DAMPING = 1e-14
 """Its `LEAST_DAMPING`, at the edge of rounding: more would slow it down where singular values are as small."""
 
-# the entries of `ProblemArrays.redundancy`, before 2 n more: the reference and the weights of the posture
-KIND, WEIGHT = 0, 1
-NONE, WEIGHTED, STRICT = 0, 1, 2
+
+class PostureArrays(NamedTuple):
+    """A redundancy that the kernels know: `1/2 sum_i weights_i (q_i - reference_i)^2`."""
+
+    reference: np.ndarray
+    """(n,)"""
+    weights: np.ndarray
+    """(n,)"""
+    share: float | None
+    """Weight of the objective in `Weighted`; None: `Strict`"""
 
 
 def unsupported(problem: Problem) -> str:
@@ -57,7 +64,7 @@ def unsupported(problem: Problem) -> str:
 
 @dataclass(frozen=True)
 class ProblemArrays:
-    """The arrays of one problem, see `maira_qp.kernels`: `chain`, `descent`, `starts`."""
+    """The arrays of one problem, whose columns `kernels.layout` names."""
 
     problem: Problem
     chain: np.ndarray
@@ -71,8 +78,8 @@ class ProblemArrays:
     candidates: int
     """Random configurations of which a start is the best"""
     last_attempt: int
-    redundancy: np.ndarray | None
-    """(2 + 2 n,) kind, weight, reference and weights of a posture; None: another wish"""
+    redundancy: PostureArrays | None
+    """None: there is none, or it is another than a posture"""
     settling: np.ndarray
     """(7,) see `kernels.layout.Settling`"""
     proofs: Proofs
@@ -125,7 +132,7 @@ class ProblemArrays:
             library_features(robot, library, settings, problem.posture),
             options.start_candidates,
             options.max_restarts,
-            _redundancy_row(problem),
+            _posture_arrays(problem),
             constants,
             proofs,
             turns if turns.everywhere.any() else None,
@@ -160,16 +167,16 @@ class ProblemArrays:
         """Projected gradient below which a refinement is at an optimum."""
         return float(self.settling[Settling.STATIONARITY_TOLERANCE])
 
-    @cached_property
+    @property
     def trades_off(self) -> bool:
         """There is a redundancy, and it is `Weighted`."""
-        return self.redundancy is not None and bool(self.redundancy[KIND] == WEIGHTED)
+        return self.redundancy is not None and self.redundancy.share is not None
 
-    @cached_property
+    @property
     def posture(self) -> tuple[np.ndarray, np.ndarray]:
         """Reference (n,) and weights (n,) of the redundancy's objective."""
         assert self.redundancy is not None
-        return self.redundancy[2 : 2 + self.n], self.redundancy[2 + self.n :]
+        return self.redundancy[:2]
 
     @cached_property
     def has_turns(self) -> bool:
@@ -177,14 +184,14 @@ class ProblemArrays:
         span = (self.robot.upper - self.robot.lower)[~self.robot.slides]
         return bool((span > TURN + WITHIN).any())
 
-    @cached_property
+    @property
     def settles(self) -> bool:
         """There is a redundancy, and the kernels know it."""
-        return self.redundancy is not None and bool(self.redundancy[KIND] != NONE)
+        return self.redundancy is not None
 
     def wish(self, q: np.ndarray) -> np.ndarray:
         """What the redundancy's objective is (N,) at configurations q (N, n), where the kernels know it; else 0."""
-        if self.redundancy is None or not self.settles:
+        if self.redundancy is None:
             return np.zeros(len(q))
         reference, weights = self.posture
         return 0.5 * np.square(q - reference) @ weights
@@ -209,18 +216,17 @@ class ProblemArrays:
         Where starts are drawn, it is still around the posture of the problem before.
         """
         last = problem.options.max_restarts
-        return replace(self, problem=problem, redundancy=_redundancy_row(problem), last_attempt=last)
+        return replace(self, problem=problem, redundancy=_posture_arrays(problem), last_attempt=last)
 
 
-def _redundancy_row(problem: Problem) -> np.ndarray | None:
-    """What `ProblemArrays.redundancy` holds."""
-    if problem.hierarchy.lower:
+def _posture_arrays(problem: Problem) -> PostureArrays | None:
+    """The redundancy as the kernels know it, if they do."""
+    redundancy = problem.redundancy
+    if redundancy is None or problem.hierarchy.lower or len(redundancy.objectives) > 1:
         return None
-    redundancy, kind, weight, posture = problem.redundancy, NONE, 0.0, Posture().of(problem.robot)
-    if redundancy is not None:
-        objective = redundancy.objectives[0]
-        if len(redundancy.objectives) > 1 or not isinstance(objective, (Posture, LimitDistance)):
-            return None
-        kind, weight = (STRICT, 0.0) if isinstance(redundancy, Strict) else (WEIGHTED, redundancy.weight)
-        posture = objective if isinstance(objective, Posture) else objective.as_posture
-    return np.concatenate([[kind, weight], posture.q_ref, posture.weights])
+    objective = next(iter(redundancy.objectives))
+    if not isinstance(objective, (Posture, LimitDistance)):
+        return None
+    posture = objective if isinstance(objective, Posture) else objective.as_posture
+    share = None if isinstance(redundancy, Strict) else float(redundancy.weight)
+    return PostureArrays(np.ascontiguousarray(posture.q_ref), np.ascontiguousarray(posture.weights), share)

@@ -15,7 +15,7 @@ from maira_qp.kernels.refinement.stabilized_sqp_simd import settle_in_lanes
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.multi_start import attempt
 from maira_qp.solvers.compiled.outcomes import all_reached, unsettled
-from maira_qp.solvers.compiled.problem_arrays import WEIGHT, ProblemArrays
+from maira_qp.solvers.compiled.problem_arrays import ProblemArrays
 from maira_qp.solvers.neighbourhood import TURNINGS
 
 ELSEWHERE, WORTH = 6, 1.02
@@ -53,9 +53,9 @@ def refine(arrays: ProblemArrays, rows: np.ndarray, near: np.ndarray | None, q: 
     Results (N, 6) go into `after`. Joints turn to what is `near`, (N, n) or (1, n), see `_at_turns`; None: they keep
     their turns.
     """
-    _refine_strictly(arrays, rows, q, after)
+    settle(arrays, arrays.posture, rows, q, after)
     if near is not None:
-        _at_turns(arrays, rows, near, arrays.posture, partial(_refine_strictly, arrays), q, after)
+        _at_turns(arrays, rows, near, arrays.posture, partial(settle, arrays, arrays.posture), q, after)
     if arrays.trades_off:
         _trade_off(arrays, rows, q, after)
         if near is not None:
@@ -95,23 +95,31 @@ def is_converged(arrays: ProblemArrays, after: np.ndarray) -> np.ndarray:
     return np.asarray(after[:, Refinement.PROJECTED_GRADIENT] <= arrays.stationarity_tolerance)
 
 
-def _refine_strictly(arrays: ProblemArrays, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
-    """To the optima of the objective alone: eight at a time, and one by one where that does not end at one.
+def settle(
+    arrays: ProblemArrays,
+    posture: tuple[np.ndarray, np.ndarray],
+    rows: np.ndarray,
+    q: np.ndarray,
+    after: np.ndarray,
+) -> None:
+    """From q (N, n) that reach the targets (N, 12) to the optimum of a posture (n,), weighted (n,), near each.
 
-    Those few have a kernel of their own, so that it is compiled when one of them comes.
+    In place, to that of `Strict`; results (N, 6) go into `after`. Eight at a time, and one by one where that does not
+    end at an optimum: those few have a kernel of their own, so that it is compiled when one of them comes. Where q does
+    not reach the pose to begin with it is left as it is, with an infinite gradient.
     """
-    settle_in_lanes(arrays.chain, arrays.settings, rows, *arrays.posture, arrays.settling, q, after)
+    settle_in_lanes(arrays.chain, arrays.settings, rows, *posture, arrays.settling, q, after)
     alone = unsettled(after, LARGEST)
     if alone:
         some, end = q[alone], after[alone]
-        settle_alone(arrays.chain, arrays.settings, rows[alone], *arrays.posture, arrays.settling, some, end)
+        settle_alone(arrays.chain, arrays.settings, rows[alone], *posture, arrays.settling, some, end)
         q[alone], after[alone] = some, end
 
 
 def _trade_off(arrays: ProblemArrays, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:
     """From there to the optima of the weighted sum."""
-    weight = arrays.redundancy[WEIGHT]  # type: ignore[index]
-    trade_off_each(arrays.chain, arrays.settings, rows, *arrays.posture, weight, arrays.settling, q, after)
+    assert arrays.redundancy is not None
+    trade_off_each(arrays.chain, arrays.settings, rows, *arrays.redundancy, arrays.settling, q, after)
 
 
 def _trade_off_again(arrays: ProblemArrays, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:

@@ -28,15 +28,16 @@ def is_continuous(path: PathArrays, q: np.ndarray) -> np.ndarray:
     for _ in range(HALVINGS):
         M, middle = halfway(A, B), 0.5 * (a + b)
         off = (path.errors(M, middle) > DEVIATION + SHARE * apart(A, B)).any(axis=1)
-        owner, a, b, A, B, M, middle = (each[off] for each in (owner, a, b, A, B, M, middle))
+        owner = owner[off]
+        a, b, A, B, M, middle = (each[off] for each in (a, b, A, B, M, middle))
         m, arrived = path.descend_to(M, middle)
         strayed = np.abs(m - middle).max(axis=1) > NEAR_MIDDLE * np.abs(b - a).max(axis=1)
         continuous[owner[~arrived]] = False
         on = strayed & continuous[owner]
         if not on.any():
             return continuous
-        owner, a, m, b, A, M, B = (each[on] for each in (owner, a, m, b, A, M, B))
-        owner = np.concatenate([owner, owner])
+        owner = np.concatenate([owner[on], owner[on]])
+        a, m, b, A, M, B = (each[on] for each in (a, m, b, A, M, B))
         a, b, A, B = np.concatenate([a, m]), np.concatenate([m, b]), np.concatenate([A, M]), np.concatenate([M, B])
     continuous[owner] = False
     return continuous

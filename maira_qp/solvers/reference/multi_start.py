@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from maira_qp.problem.qp.costs import Cost, ExactTaskCost, TaskCost
-from maira_qp.problem.qp.hierarchy import Level, positive_part, projected_gradient
+from maira_qp.problem.qp.hierarchy import Level, convexified, projected_gradient
 from maira_qp.problem.qp.qp import QP
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.robot import Robot
@@ -348,7 +348,7 @@ class _WithinLimits:
         """Newton, its Hessian made positive by the size of its eigenvalues."""
         model = self.tasks.level(at)
         H = ExactTaskCost(self.tasks).hessian(at) + self.context.curvature(at, model.c)
-        return replace(model, H=positive_part(H))
+        return replace(model, H=convexified(H))
 
 
 def stationarity(cost: Cost, at: Configuration, context: Context) -> float:

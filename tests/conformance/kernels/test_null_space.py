@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import nnls
 from support.compiled_problems import few, rubbish
 
-from maira_qp.kernels.linalg.convexify import make_positive
+from maira_qp.kernels.linalg.convexify import convexify
 from maira_qp.kernels.linalg.ldl import factor_ldl, solve_ldl
 from maira_qp.kernels.linalg.qr_null_space import balance, extend, factor, null_vector, shortest_solution
 from maira_qp.kernels.linalg.symmetric_eigen import diagonalise
@@ -13,7 +13,7 @@ from maira_qp.kernels.qp.null_space_qp import ROW_QP, solve_row_qp
 from maira_qp.kernels.refinement.feasibility_restoration import RANK_THRESHOLD
 from maira_qp.problem.qp.backends import Backend
 from maira_qp.problem.qp.hierarchy import RANK_THRESHOLD as THRESHOLD_OF_THE_HIERARCHY
-from maira_qp.problem.qp.hierarchy import null_space, positive_part
+from maira_qp.problem.qp.hierarchy import convexified, null_space
 from maira_qp.problem.qp.qp import QP
 
 
@@ -117,7 +117,7 @@ def test_near_a_singularity_a_lower_rank_keeps_multipliers_small(rng):
 def test_rows_with_nan_come_to_an_end():
     assert 0 <= Factored(np.full((6, 7), np.nan)).rank <= 6
     D, V = np.empty((4, 4)), np.empty((4, 4))
-    assert not make_positive(np.full((4, 4), np.nan), 4, D, V)
+    assert not convexify(np.full((4, 4), np.nan), 4, D, V)
 
 
 @pytest.mark.parametrize("k", [1, 2, 5, 12])
@@ -141,9 +141,9 @@ def test_the_positive_part_is_that_of_the_hierarchy(k, rng):
         H = [A @ A.T, A + A.T, -A @ A.T, A[:, : k // 2] @ A[:, : k // 2].T][rng.integers(4)]
         found, D, V = np.full((k + 1, k + 1), np.nan), np.full((k, k), np.nan), np.full((k, k), np.nan)
         found[:k, :k] = H
-        was = make_positive(found, k, D, V)
+        was = convexify(found, k, D, V)
         changed += not was
-        expected, size = positive_part(H), max(np.abs(H).max(), 1e-12)
+        expected, size = convexified(H), max(np.abs(H).max(), 1e-12)
         assert np.abs(found[:k, :k] - (H if was else expected)).max() < 1e-12 * size * k
         if was:
             assert np.linalg.eigvalsh(H)[0] > 0

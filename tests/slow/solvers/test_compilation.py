@@ -126,8 +126,8 @@ def test_only_what_an_arm_and_its_solver_need_is_compiled(maira, ur5):
     """The closed form for S-R-S arms, what settles for a redundancy; unknown verbs are refused with the valid ones."""
     assert list(jobs(None, VERBS)) == list(JOBS)
     assert list(jobs(maira, ["step"])) == ["step"]
-    assert set(JOBS) - set(jobs(ur5, VERBS)) == {"closed_form", "best_swivel", "nearest_in_closed_form"}
-    assert set(JOBS) - set(jobs(mq.Solver(maira), VERBS)) == {"settle", "settle_alone", "trade_off", "best_swivel"}
+    assert set(JOBS) - set(jobs(ur5, VERBS)) == {"closed_form", "posture_seed", "nearest_in_closed_form"}
+    assert set(JOBS) - set(jobs(mq.Solver(maira), VERBS)) == {"settle", "settle_alone", "trade_off", "posture_seed"}
     assert set(JOBS) - set(jobs(mq.Solver(maira, redundancy=mq.Strict(mq.Posture())), VERBS)) == {"trade_off"}
     with pytest.raises(mq.errors.OptionError, match="did you mean 'solve'"):
         mq.compile(verbs=["slove"])

@@ -7,15 +7,15 @@ from numba import njit
 from maira_qp.kernels.jit.simd import (
     LANES,
     any_lane,
+    broadcast,
     floor,
-    full,
-    least,
     load,
     load2,
-    most,
-    root,
+    magnitude,
+    maximum,
+    minimum,
     select,
-    size,
+    square_root,
     store,
     store2,
 )
@@ -38,8 +38,8 @@ def everything_of_two(x, y, out):
     store(out, 7, select(x >= y, 1.0, 0.0))
     store(out, 8, select(x == y, 1.0, 0.0))
     store(out, 9, select(x != y, 1.0, 0.0))
-    store(out, 10, least(x, y))
-    store(out, 11, most(x, y))
+    store(out, 10, minimum(x, y))
+    store(out, 11, maximum(x, y))
     store(out, 12, select(x < y, x, y))
     store(out, 13, select((x <= y) & (x >= y), 1.0, 0.0))
     store(out, 14, select((x < y) | (x > y), 1.0, 0.0))
@@ -56,8 +56,8 @@ def numpy_of_two(x, y):
 @njit(error_model="numpy")
 def everything_of_one(x, out):
     store(out, 0, -x)
-    store(out, 1, root(x))
-    store(out, 2, size(x))
+    store(out, 1, square_root(x))
+    store(out, 2, magnitude(x))
     store(out, 3, floor(x))
     store(out, 4, select(x > 0.0, 1.0, 0.0))
 
@@ -190,7 +190,7 @@ def copy_entries(a, b, out1, out2):
 @njit
 def fill(like, out, out2, value):
     for i in range(3):
-        store(out, i, full(like, value))
+        store(out, i, broadcast(like, value))
         for j in range(2):
             store2(out2, i, j, value)
 
@@ -237,8 +237,8 @@ def mixed_choice(a, out):
     store(out, 0, select(x > 0.0, x, 4.0))
     store(out, 1, select(x > 0.0, 4.0, x))
     store(out, 2, select(x > 0.0, 4, 5))
-    store(out, 3, most(x, 1))
-    store(out, 4, least(1, x))
+    store(out, 3, maximum(x, 1))
+    store(out, 4, minimum(1, x))
 
 
 @pytest.mark.parametrize("lanes", [(), (LANES,)], ids=["one", "eight"])

@@ -9,8 +9,8 @@ from maira_qp.problem.qp.backends import Backend
 from maira_qp.problem.qp.hierarchy import (
     RANK_THRESHOLD,
     Level,
+    convexified,
     null_space,
-    positive_part,
     projected_gradient,
     solve_each_level,
     solve_hierarchy,
@@ -188,11 +188,11 @@ def test_degenerate_null_spaces():
 
 def test_the_positive_part_keeps_positive_matrices_and_mends_the_rest(rng):
     A = rng.normal(size=(5, 5))
-    assert np.allclose(positive_part(A @ A.T), A @ A.T)
-    mended = positive_part(A + A.T)
+    assert np.allclose(convexified(A @ A.T), A @ A.T)
+    mended = convexified(A + A.T)
     assert np.linalg.eigvalsh(mended).min() > 0
     assert np.allclose(np.linalg.eigvalsh(mended)[-1], np.abs(np.linalg.eigvalsh(A + A.T)).max())
-    assert positive_part(np.array([[-2.0]])) == 2.0
+    assert convexified(np.array([[-2.0]])) == 2.0
 
 
 def test_the_projected_gradient_vanishes_exactly_where_limits_or_rows_hold_the_gradient():
