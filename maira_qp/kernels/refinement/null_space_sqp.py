@@ -2,11 +2,11 @@
 
 For one objective `1/2 sum_i w_i (q_i - ref_i)^2` (`Posture`, `LimitDistance`). Nearly all targets are brought to their
 optimum by `stabilized_sqp_simd`, eight at a time. The others the walk here, which is that of
-`solvers.reference.null_space_sqp` and explained there, takes alone from where the search left them: a Newton step in the null space of the pose, with the
-Lagrangian's Hessian, inside the limits and a trust region; back onto the pose; the step counts if the objective fell.
-It differs in two things. On the way a step brings the arm back only so far that what is left is within the tolerances,
-and small against the step's own error, and all the way at the end. And where the Hessian is indefinite and limits hold
-the arm, the step is one within these limits.
+`solvers.reference.null_space_sqp` and explained there, takes alone from where the search left them: a Newton step in
+the null space of the pose, with the Lagrangian's Hessian, inside the limits and a trust region; back onto the pose; the
+step counts if the objective fell. It differs in two things. On the way a step brings the arm back only so far that what
+is left is within the tolerances, and small against the step's own error, and all the way at the end. And where the
+Hessian is indefinite and limits hold the arm, the step is one within these limits.
 """
 
 from __future__ import annotations
