@@ -41,8 +41,9 @@ class Targets:
     def __len__(self) -> int:
         return len(self.rows)
 
-    def __getitem__(self, i: int) -> Targets:
-        return Targets(self.frames, self.rows[i : i + 1], self.deviations[i : i + 1])
+    def __getitem__(self, which: int | np.ndarray) -> Targets:
+        some = np.atleast_1d(which)
+        return Targets(self.frames, self.rows[some], self.deviations[some])
 
     def poses(self, i: int = 0) -> dict[str, pin.SE3]:
         """The i-th target by frame."""

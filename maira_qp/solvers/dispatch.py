@@ -300,7 +300,7 @@ class Engines:
         """Follow the path of N targets, from a start (n,) or any, by some rules. Raises `OptionError`."""
         from maira_qp.solvers.paths.track import track  # heavy: Numba comes with it
 
-        if self.compiled is None or self.refusal:
+        if self.compiled is None:
             raise OptionError(f"a path is followed by the compiled engine, which cannot take this: {self.refusal}")
         return track(self, self.compiled, targets, q0, seed, rules)
 

@@ -4,6 +4,7 @@ Two configurations that are near each other may belong to different branches. Ha
 between their configurations, a descent ends near where it begins if one branch leads from one to the other; if not it
 ends near one of the two. Where it ends neither here nor there the halves are looked at in turn. That a path is a line
 between two poses is a convention: halfway the tool may be off by `DEVIATION`, and by some of what the poses are apart.
+Where an arm cannot reach the middle, as one with few joints, the nearest point counts if it is no further off than that.
 """
 
 from __future__ import annotations
@@ -23,34 +24,58 @@ NEAR_MIDDLE = 0.25
 
 def is_continuous(path: PathArrays, q: np.ndarray) -> np.ndarray:
     """Whether each step (N - 1,) of configurations (N, n), which reach their poses, leads along the path."""
-    continuous = np.ones(len(q) - 1, dtype=bool)
-    owner, a, b, A, B = np.arange(len(q) - 1), q[:-1], q[1:], path.rows[:-1], path.rows[1:]
+    middle = 0.5 * (q[:-1] + q[1:])
+    continuous, poses = path.keeps_limits(middle), quaternion_poses(path.rows)
+    owner, a, b, A, B = np.arange(len(q) - 1), q[:-1], q[1:], poses[:-1], poses[1:]
     for _ in range(HALVINGS):
-        M, middle = halfway(A, B), 0.5 * (a + b)
-        off = (path.errors(M, middle) > DEVIATION + SHARE * apart(A, B)).any(axis=1)
-        owner = owner[off]
+        M = halfway(A, B)
+        rows = pose_rows(M)
+        allowed = DEVIATION + SHARE * apart(A, B)
+        off = (path.errors(rows, middle) > allowed).any(axis=1)
+        owner, rows, allowed = owner[off], rows[off], allowed[off]
         a, b, A, B, M, middle = (each[off] for each in (a, b, A, B, M, middle))
-        m, arrived = path.descend_to(M, middle)
+        if not len(owner):
+            return continuous
+        m, arrived = path.descend_to(rows, middle)
         strayed = np.abs(m - middle).max(axis=1) > NEAR_MIDDLE * np.abs(b - a).max(axis=1)
-        continuous[owner[~arrived]] = False
+        strayed |= ~arrived & (path.errors(rows, m) > allowed).any(axis=1)
         on = strayed & continuous[owner]
         if not on.any():
             return continuous
         owner = np.concatenate([owner[on], owner[on]])
         a, m, b, A, M, B = (each[on] for each in (a, m, b, A, M, B))
         a, b, A, B = np.concatenate([a, m]), np.concatenate([m, b]), np.concatenate([A, M]), np.concatenate([M, B])
+        middle = 0.5 * (a + b)
     continuous[owner] = False
     return continuous
 
 
-def apart(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """How far (M, 2) poses (M, 12) and (M, 12) are apart [m, rad]."""
-    first, second = Rotation.from_matrix(A[:, :9].reshape(-1, 3, 3)), Rotation.from_matrix(B[:, :9].reshape(-1, 3, 3))
-    return np.stack([np.linalg.norm(B[:, 9:] - A[:, 9:], axis=1), (first.inv() * second).magnitude()], axis=1)
+def quaternion_poses(rows: np.ndarray) -> np.ndarray:
+    """Poses (M, 7), quaternion (x, y, z, w) and position, of poses (M, 12), R by rows and position."""
+    quaternions = Rotation.from_matrix(rows[:, :9].reshape(-1, 3, 3)).as_quat()
+    return np.concatenate([quaternions, rows[:, 9:]], axis=1)
+
+
+def pose_rows(poses: np.ndarray) -> np.ndarray:
+    """The inverse of `quaternion_poses`."""
+    return np.concatenate([Rotation.from_quat(poses[:, :4]).as_matrix().reshape(-1, 9), poses[:, 4:]], axis=1)
 
 
 def halfway(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """Poses (M, 12) halfway between poses (M, 12) and (M, 12): positions on a line, rotations about one axis."""
-    first, second = Rotation.from_matrix(A[:, :9].reshape(-1, 3, 3)), Rotation.from_matrix(B[:, :9].reshape(-1, 3, 3))
-    middle = first * Rotation.from_rotvec(0.5 * (first.inv() * second).as_rotvec())
-    return np.concatenate([middle.as_matrix().reshape(-1, 9), 0.5 * (A[:, 9:] + B[:, 9:])], axis=1)
+    """Poses (M, 7) halfway between poses (M, 7) and (M, 7): positions on a line, rotations about one axis."""
+    middle = 0.5 * (A + B)
+    middle[:, :4] = A[:, :4] + _same_side(A, B)
+    middle[:, :4] /= np.linalg.norm(middle[:, :4], axis=1, keepdims=True)
+    return middle
+
+
+def apart(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """How far (M, 2) poses (M, 7) and (M, 7) are apart [m, rad]."""
+    a, b = A[:, :4], _same_side(A, B)
+    angle = 4.0 * np.arctan2(np.linalg.norm(b - a, axis=1), np.linalg.norm(b + a, axis=1))
+    return np.stack([np.linalg.norm(B[:, 4:] - A[:, 4:], axis=1), angle], axis=1)
+
+
+def _same_side(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """The quaternions (M, 4) of poses B, or their negatives: those nearer to that of A."""
+    return B[:, :4] * np.where(np.einsum("ij,ij->i", A[:, :4], B[:, :4]) < 0.0, -1.0, 1.0)[:, None]

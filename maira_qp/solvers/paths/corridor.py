@@ -2,76 +2,87 @@
 
 At each pose the line's configuration and others beside it, at even distances along the direction that leaves the pose
 as it is, are layers again, each of a few, and the line through them with the least largest steps is the next one. The
-corridor narrows from pass to pass.
+corridor narrows from pass to pass. What is left of corners is smoothed as a spline is (Whittaker, "On a new method of
+graduation", 1923): of the displacements to the smooth line what moves along the self-motion is taken.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
+from scipy.linalg import solveh_banded
 
 from maira_qp.solvers.paths.descents import PathArrays
 
 BESIDE = 5
 """Configurations on either side of a line."""
-WIDTHS = (0.3, 0.15, 0.08, 0.04, 0.08, 0.04, 0.02)
+WIDTHS = (0.3, 0.1, 0.03)
 """How far [rad or m] the outermost are from it, pass by pass."""
 STRIDES = (16, 8, 4, 2, 1, 1, 1)
 """Poses that are between those that are drawn to the middle of their neighbours, pass by pass."""
+STIFFNESS = (1e4, 1e3, 1e2, 1e2)
+"""What the squares of second differences count against the distance to the line, pass by pass."""
 LARGEST_STEPS = 10.0
 """What the eighth power of a step, by the largest of the line, counts against its square."""
 
 
-def smoothed(path: PathArrays, q: np.ndarray, scale: np.ndarray, is_start_given: bool) -> np.ndarray:
-    """A line (N, n) on the path with smaller largest steps, by a scale (n,) of each joint; its start may be given."""
+def smoothed(path: PathArrays, q: np.ndarray, fixed: tuple[bool, bool]) -> np.ndarray:
+    """A line (N, n) on the path with smaller largest steps, by what is allowed; its first and last may be fixed."""
     for stride in STRIDES:
         if 2 * stride < len(q):
-            q = _drawn_to_the_middle(path, q, scale, stride)
-    if path.n > len(path.jacobians(q[:1])[0]):
-        for width in WIDTHS:
-            q = _best_within(path, q, scale, width, is_start_given)
+            q = _drawn_to_the_middle(path, q, stride)
+    if path.n <= path.rank or len(q) < 3:
+        return q
+    for width in WIDTHS:
+        q = _best_within(path, q, width, fixed)
+    for stiffness in STIFFNESS:
+        q = _smoother(path, q, stiffness, fixed)
     return q
 
 
-def largest_steps(q: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """The largest joint step (N - 1,) between neighbours of a line (N, n), by a scale (n,)."""
-    return np.asarray(np.abs(np.diff(q, axis=0) / scale).max(axis=1, initial=0.0))
+def largest_steps(path: PathArrays, q: np.ndarray) -> np.ndarray:
+    """The largest joint step (N - 1,) between neighbours of a line (N, n), by what is allowed."""
+    return np.asarray((np.abs(np.diff(q, axis=0)) / path.windows).max(axis=1, initial=0.0))
 
 
-def _drawn_to_the_middle(path: PathArrays, q: np.ndarray, scale: np.ndarray, stride: int) -> np.ndarray:
+def filled(path: PathArrays, knots: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A line (N, n) through configurations (K, n) at the poses `knots` (K,), and which of its poses it reaches (N,)."""
+    if len(knots) == len(path):
+        return q.copy(), np.ones(len(q), dtype=bool)
+    guess = PchipInterpolator(path.place[knots], q)(path.place) if len(knots) > 1 else np.repeat(q, len(path), axis=0)
+    line, arrived = path.descend(np.arange(len(path)), guess)
+    line[knots], arrived[knots] = q, True
+    return line, arrived
+
+
+def _drawn_to_the_middle(path: PathArrays, q: np.ndarray, stride: int) -> np.ndarray:
     """The line with some of its configurations moved to between their neighbours, where that shortens the steps."""
     q, count = q.copy(), len(q)
     for first in (stride, 2 * stride):
         i = np.arange(first, count - stride, 2 * stride)
         if len(i):
             middle, arrived = path.descend(i, 0.5 * (q[i - stride] + q[i + stride]))
-            shorter = arrived & (_span(middle, q, i, stride, scale) < _span(q[i], q, i, stride, scale))
+            shorter = arrived & (_span(path, middle, q, i, stride) < _span(path, q[i], q, i, stride))
             q[i[shorter]] = middle[shorter]
     if stride == 1:
         return q
     knots = np.unique(np.append(np.arange(0, count, stride), count - 1))
     between, arrived = filled(path, knots, q[knots])
-    is_better = arrived.all() and largest_steps(between, scale).max() <= 1.2 * largest_steps(q, scale).max()
+    is_better = arrived.all() and largest_steps(path, between).max() <= 1.2 * largest_steps(path, q).max()
     return between if is_better else q
 
 
-def _span(middle: np.ndarray, q: np.ndarray, i: np.ndarray, stride: int, scale: np.ndarray) -> np.ndarray:
+def _span(path: PathArrays, middle: np.ndarray, q: np.ndarray, i: np.ndarray, stride: int) -> np.ndarray:
     """The larger of the steps from neighbours to configurations in the middle."""
-    before, after = np.abs((middle - q[i - stride]) / scale), np.abs((middle - q[i + stride]) / scale)
+    before, after = np.abs(middle - q[i - stride]) / path.window, np.abs(middle - q[i + stride]) / path.window
     return np.maximum(before.max(axis=1), after.max(axis=1))
 
 
-def filled(path: PathArrays, knots: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A line (N, n) through configurations (K, n) at the poses `knots` (K,), and which of its poses it reaches (N,)."""
-    everywhere = np.arange(len(path))
-    guess = np.stack([np.interp(everywhere, knots, q[:, joint]) for joint in range(path.n)], axis=1)
-    line, arrived = path.descend(everywhere, guess)
-    line[knots], arrived[knots] = q, True
-    return line, arrived
-
-
-def _best_within(path: PathArrays, q: np.ndarray, scale: np.ndarray, width: float, is_start_given: bool) -> np.ndarray:
+def _best_within(path: PathArrays, q: np.ndarray, width: float, fixed: tuple[bool, bool]) -> np.ndarray:
     """The line of least largest steps in a corridor of so much [rad or m] on either side."""
-    count, wide = len(q), 2 * BESIDE + 1
+    count, wide, largest = len(q), 2 * BESIDE + 1, largest_steps(path, q).max()
+    if largest == 0.0:
+        return q
     along = np.linalg.svd(path.jacobians(q))[2][:, -1, :]
     shifts = width * np.linspace(-1.0, 1.0, wide)
     beside, arrived = path.descend(
@@ -80,12 +91,10 @@ def _best_within(path: PathArrays, q: np.ndarray, scale: np.ndarray, width: floa
     nodes = beside.reshape(count, wide, path.n)
     is_node = arrived.reshape(count, wide) & (np.abs(nodes - q[:, None]).max(axis=2) <= 3.0 * width)
     nodes[:, BESIDE], is_node[:, BESIDE] = q, True
-    if is_start_given:
-        is_node[0] = np.arange(wide) == BESIDE
-    largest = largest_steps(q, scale).max()
-    if largest == 0.0:
-        return q
-    steps = (np.abs(nodes[1:, None] - nodes[:-1, :, None]) / scale).max(axis=3) / largest
+    for end, is_fixed in zip((0, -1), fixed, strict=True):
+        if is_fixed:
+            is_node[end] = np.arange(wide) == BESIDE
+    steps = (np.abs(nodes[1:, None] - nodes[:-1, :, None]) / path.windows[:, None, None]).max(axis=3) / largest
     costs = steps**2 + LARGEST_STEPS * steps**8
     cost, back = np.where(is_node[0], 0.0, np.inf), np.zeros((count, wide), dtype=np.int64)
     for k in range(count - 1):
@@ -96,4 +105,34 @@ def _best_within(path: PathArrays, q: np.ndarray, scale: np.ndarray, width: floa
     for chosen in back[:0:-1]:
         line.append(int(chosen[line[-1]]))
     better = nodes[np.arange(count), line[::-1]]
-    return better if largest_steps(better, scale).max() < largest else q
+    return better if largest_steps(path, better).max() < largest else q
+
+
+def _smoother(path: PathArrays, q: np.ndarray, stiffness: float, fixed: tuple[bool, bool]) -> np.ndarray:
+    """The line moved along the self-motion toward one with smaller second differences, unless steps grow by that."""
+    J = path.jacobians(q)
+    moved = _graduated(q, stiffness) - q
+    _, _, V = np.linalg.svd(J, full_matrices=True)
+    free = V[:, path.rank :, :]
+    moved = np.einsum("kji,kj->ki", free, np.einsum("kji,ki->kj", free, moved))
+    for end, is_fixed in zip((0, -1), fixed, strict=True):
+        if is_fixed:
+            moved[end] = 0.0
+    there, arrived = path.descend(np.arange(len(q)), q + moved)
+    arrived &= np.abs(there - q).max(axis=1) <= 2.0 * np.abs(moved).max(axis=1) + 1e-3
+    for end, is_fixed in zip((0, -1), fixed, strict=True):
+        if is_fixed:
+            there[end] = q[end]
+    is_better = arrived.all() and largest_steps(path, there).max() <= largest_steps(path, q).max()
+    return there if is_better else q
+
+
+def _graduated(q: np.ndarray, stiffness: float) -> np.ndarray:
+    """(I + stiffness D'D) y = q for the line (N, n) with D second differences: smooth, and near q."""
+    count = len(q)
+    bands = np.zeros((3, count))
+    for shift, weights in ((0, (1.0, 4.0, 1.0)), (1, (-2.0, -2.0)), (2, (1.0,))):
+        for k, weight in enumerate(weights):
+            bands[2 - shift, shift + k : shift + k + count - 2] += stiffness * weight
+    bands[2] += 1.0
+    return np.asarray(solveh_banded(bands, q))

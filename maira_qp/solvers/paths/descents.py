@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from maira_qp.kernels.layout import Outcome, Setting
+from maira_qp.problem.problem import Problem
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.multi_start import attempts
 from maira_qp.solvers.compiled.problem_arrays import ProblemArrays
@@ -14,19 +15,42 @@ from maira_qp.solvers.compiled.problem_arrays import ProblemArrays
 
 @dataclass(frozen=True, eq=False)
 class PathArrays:
-    """The poses of a path, and the compiled problem that they are targets of."""
+    """Poses of a path, all of them or some, and the compiled problem that they are targets of."""
 
     arrays: ProblemArrays
     rows: np.ndarray
     """(N, 12) R by rows, then p"""
+    place: np.ndarray
+    """(N,) which poses of the whole path they are"""
+    window: np.ndarray
+    """(n,) largest step of each joint from pose to pose of the whole path [rad or m]"""
 
     def __len__(self) -> int:
         return len(self.rows)
 
     @property
+    def problem(self) -> Problem:
+        """What is asked at each pose."""
+        return self.arrays.problem
+
+    @property
     def n(self) -> int:
         """How many joints there are."""
         return self.arrays.n
+
+    @property
+    def rank(self) -> int:
+        """How many numbers the task asks for."""
+        return int((self.problem.tasks[0].all_weights > 0.0).sum())
+
+    @property
+    def windows(self) -> np.ndarray:
+        """How far (N - 1, n) each joint may move to the next of the poses."""
+        return np.asarray(np.diff(self.place)[:, None] * self.window)
+
+    def some(self, which: np.ndarray | slice) -> PathArrays:
+        """Some of the poses."""
+        return replace(self, rows=self.rows[which], place=self.place[which])
 
     def errors(self, rows: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Errors of position and orientation (M, 2) [m, rad] of configurations (M, n) at poses (M, 12)."""
@@ -40,13 +64,25 @@ class PathArrays:
         return self.descend_to(self.rows[which], starts)
 
     def descend_to(self, rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The same to poses (M, 12) that are given. What a start breaks of the limits is clipped."""
+        """The same to poses (M, 12) that are given. What a start breaks of the limits is clipped.
+
+        What breaks a limit beside those of the joints has not arrived.
+        """
         q, outcome = _attempted(self.arrays, rows, starts)
-        return q, outcome[:, Outcome.SUCCESS] > 0.0
+        arrived = outcome[:, Outcome.SUCCESS] > 0.0
+        if self.problem.additional_limits:
+            arrived[arrived] = self.keeps_limits(q[arrived])
+        return q, arrived
+
+    def keeps_limits(self, q: np.ndarray) -> np.ndarray:
+        """Which (M,) of the configurations (M, n) keep the limits beside those of the joints."""
+        if not self.problem.additional_limits:
+            return np.ones(len(q), dtype=bool)
+        return np.array([not self.problem.limit_violations(self.problem.robot.at(each)) for each in q], dtype=bool)
 
     def jacobians(self, q: np.ndarray) -> np.ndarray:
-        """The tool's Jacobians (M, 6, n), without the rows that the task leaves free."""
-        return self.arrays.robot.jacobians(q)[:, self.arrays.problem.tasks[0].all_weights > 0.0]
+        """The tool's Jacobians (M, m, n), without the rows that the task leaves free."""
+        return self.arrays.robot.jacobians(q)[:, self.problem.tasks[0].all_weights > 0.0]
 
 
 def _attempted(arrays: ProblemArrays, rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -18,6 +18,8 @@ CELL, WIDER = 0.15, 1.3
 many."""
 ASIDE = 0.25
 """How far [rad or m] along the self-motion others begin, about."""
+HASH = np.uint64(0x9E3779B97F4A7C15)
+"""Odd, its powers tell cells apart, modulo 2^64."""
 FIRST_TIMES = 6
 """The first layer begins from so many times as many configurations as others do."""
 FAR = 3.0
@@ -58,16 +60,21 @@ def layer_indices(path: PathArrays, spacing: float) -> np.ndarray:
 
 
 def layers_of(
-    path: PathArrays, at: np.ndarray, q: np.ndarray, is_start_given: bool, density: Density, rng: np.random.Generator
+    path: PathArrays,
+    at: np.ndarray,
+    known: list[np.ndarray],
+    is_start_given: bool,
+    density: Density,
+    rng: np.random.Generator,
 ) -> list[np.ndarray]:
     """Configurations (M_l, n) that reach the poses `at` (L,), an array a layer.
 
-    Each holds the known one of q (N, n); where the start is given, the first holds no other. Joints whose range is a
-    turn or more are at one turn.
+    Each holds the known ones (k, n) of its pose, of N poses; where the start is given, the first holds no other. Joints
+    whose range is a turn or more are at one turn.
     """
     layers, before = [], np.empty((0, path.n))
     for index in at.tolist():
-        here = q[index][None]
+        here = known[index]
         if layers or not is_start_given:
             fresh = density.fresh * (1 if layers else FIRST_TIMES)
             starts = np.concatenate([before, *_aside(before, rng), _anywhere(path, fresh, rng)])
@@ -96,9 +103,10 @@ def _anywhere(path: PathArrays, count: int, rng: np.random.Generator) -> np.ndar
 
 def _thinned(q: np.ndarray, most: int) -> np.ndarray:
     """One of the configurations (M, n) of each cell, at most so many."""
-    cell = CELL
+    cell, marks = CELL, HASH ** np.arange(1, q.shape[1] + 1, dtype=np.uint64)
     while len(q):
-        _, first = np.unique(np.round(q / cell).astype(np.int64), axis=0, return_index=True)
+        keys = np.round(q / cell).astype(np.int64).astype(np.uint64) @ marks
+        _, first = np.unique(keys, return_index=True)
         if len(first) <= most:
             return q[np.sort(first)]
         cell *= WIDER

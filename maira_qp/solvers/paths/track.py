@@ -1,9 +1,10 @@
 """Follow a path of poses: first the way along branches and self-motions, for the whole path, then each of its poses.
 
-Layers of configurations along the path (`layers.py`) are linked by dynamic programming (`line.py`); between the layers
-the line is filled by descents, and what turns out to jump between two of them is not taken again. The line is smoothed
-in a corridor around it (`corridor.py`). Where layers were too coarse to be linked, or the line has steps much larger
-than others, they are made again finer.
+Some poses along the path, the knots, stand for all. Layers of configurations at some of them (`layers.py`) are linked
+by dynamic programming (`line.py`); between the layers the line is filled by descents, and what turns out to jump
+between two of them is not taken again. The line is smoothed in a corridor around it (`corridor.py`), and filled to all
+poses. Where layers were too coarse to be linked, or the line has steps much larger than others, they are made again
+finer; where the knots were too coarse, every pose is one.
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ from maira_qp.solvers.paths.continuity import is_continuous
 from maira_qp.solvers.paths.corridor import filled, largest_steps, smoothed
 from maira_qp.solvers.paths.descents import PathArrays
 from maira_qp.solvers.paths.layers import Density, layer_indices, layers_of
-from maira_qp.solvers.paths.line import Edge, best_line
-from maira_qp.solvers.reference.engine import residual
+from maira_qp.solvers.paths.line import Edge, Line, best_line
 
 DENSITY = Density(spacing=0.3, most=150, fresh=16)
+KNOTS = 0.03
+"""What the pose moves between two knots, at most [rad]"""
 ROUNDS = 3
 """How often layers are made, each time finer."""
 REPAIRS = 6
@@ -43,106 +45,149 @@ def track(
     `engines` solve for single poses, see `solvers.dispatch`. Poses that nothing was found to reach divide the path:
     each part between them is followed by itself.
     """
-    path, rng = PathArrays(arrays, np.ascontiguousarray(targets.rows[:, 0])), np.random.default_rng(seed)
-    alone = engines.solve_batch(targets, None, seed_words(seed), None, None)
-    q, reached, reasons = alone.q.copy(), alone.success.copy(), {}
-    if q0 is not None and len(path):
-        first = engines.solve(targets.poses(0), q0, SEED_0)
-        q[0], reached[0] = first.q, first.success
+    rows, count = np.ascontiguousarray(targets.rows[:, 0]), len(targets)
+    path, rng = PathArrays(arrays, rows, np.arange(count), rules.step), np.random.default_rng(seed)
+    start = engines.solve(targets.poses(0), q0, SEED_0) if q0 is not None and count else None
+    by_knots = _followed_by_knots(engines, path, targets, start, seed, rng)
+    if by_knots is not None:
+        solution = _judged(engines, path, by_knots, rules, {})
+        if not solution.breaks.size and solution.success.all():
+            return solution
+    (q, reached), reasons = _alone(engines, targets, start, np.arange(count), seed), dict[int, str]()
     for begin, end in runs(reached):
-        part = PathArrays(arrays, path.rows[begin:end])
-        q[begin:end] = follow(part, q[begin:end], begin == 0 and q0 is not None, rules.step, rng)
+        part, is_start_given = path.some(slice(begin, end)), begin == 0 and q0 is not None
+        q[begin:end] = follow(part, q[begin:end], is_start_given, rng)
     for k in np.flatnonzero(~reached).tolist():
         solution = engines.solve(targets.poses(k), q[k - 1] if k else q0, SEED_0)
         q[k], reasons[k] = solution.q, solution.status.meaning
-    return _judged(engines, path, targets, q, rules, reasons)
+    return _judged(engines, path, q, rules, reasons)
 
 
-def _judged(
-    engines: Any, path: PathArrays, targets: Targets, q: np.ndarray, rules: Rules, reasons: dict[int, str]
-) -> PathSolution:
+def _alone(engines: Any, targets: Targets, start: Any, which: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Configurations (K, n) at the poses `which` (K,), solved for by themselves, and whether they reach them (K,)."""
+    alone = engines.solve_batch(targets[which], None, seed_words(seed), None, None)
+    q, reached = alone.q.copy(), alone.success.copy()
+    if start is not None:
+        q[0], reached[0] = start.q, start.success
+    return q, reached
+
+
+def _followed_by_knots(
+    engines: Any, path: PathArrays, targets: Targets, start: Any, seed: int, rng: np.random.Generator
+) -> np.ndarray | None:
+    """A line (N, n) that is sought at knots alone; None: they are as many as the poses, or not all are reached."""
+    knots = layer_indices(path, KNOTS)
+    if 2 * len(knots) > len(path):
+        return None
+    known, reached = _alone(engines, targets, start, knots, seed)
+    if not reached.all():
+        return None
+    return filled(path, knots, follow(path.some(knots), known, start is not None, rng))[0]
+
+
+def _judged(engines: Any, path: PathArrays, q: np.ndarray, rules: Rules, reasons: dict[int, str]) -> PathSolution:
     """The result, by a fresh forward kinematics of each configuration (N, n)."""
-    problem, continuous = engines.problem, np.ones(max(len(q) - 1, 0), dtype=bool)
-    errors = [residual(problem.costs(targets.poses(k))[0], problem.robot.at(q[k])) for k in range(len(q))]
-    position, orientation = np.reshape(errors, (-1, 2)).T
-    reached = np.asarray(problem.is_reached(position, orientation))
-    both = reached[:-1] & reached[1:] & (largest_steps(q, rules.step) <= 1.0)
+    position, orientation = path.errors(path.rows, q).T
+    reached = np.asarray(engines.problem.is_reached(position, orientation)) & path.keeps_limits(q)
+    continuous = np.ones(max(len(q) - 1, 0), dtype=bool)
+    both = reached[:-1] & reached[1:] & (largest_steps(path, q) <= 1.0)
     if both.any():
         continuous[both] = is_continuous(path, q)[both]
     return PathSolution(q, reached, position, orientation, rules, continuous, reasons, engines)
 
 
-def follow(
-    path: PathArrays, known: np.ndarray, is_start_given: bool, window: np.ndarray, rng: np.random.Generator
-) -> np.ndarray:
+def follow(path: PathArrays, known: np.ndarray, is_start_given: bool, rng: np.random.Generator) -> np.ndarray:
     """Configurations (N, n) along a path, with as few steps beyond the window as were found.
 
     Args:
         path: N poses and their problem.
         known: some configuration (N, n) for each pose, which reaches it.
         is_start_given: the first of them is that of the path.
-        window: the largest step (n,) of each joint from pose to pose [rad or m].
         rng: of the configurations that are drawn.
     """
     if len(path) < 2:
         return known
+    nodes, fixed = [each[None] for each in known], (is_start_given, False)
     density, best, least = DENSITY, None, np.inf
+    if is_start_given:
+        for k, q in enumerate(_continued(path, known[0])):
+            nodes[k + 1] = np.concatenate([q[None], nodes[k + 1]])
     at, layers = np.arange(0), list[np.ndarray]()
     for _ in range(ROUNDS):
         at = layer_indices(path, density.spacing)
-        layers = layers_of(path, at, known, is_start_given, density, rng)
-        q = _continuous_line(path, at, layers, window, is_start_given)
+        layers = layers_of(path, at, nodes, is_start_given, density, rng)
+        q = _continuous_line(path, at, layers, is_start_given)
         if q is not None:
-            q = smoothed(path, q, window, is_start_given)
-            steps = largest_steps(q, window)
+            q = smoothed(path, q, fixed)
+            steps = largest_steps(path, q)
             if steps.max() < least:
                 best, least = q, steps.max()
             if least <= CALM * steps.mean():
                 break
         density = density.finer()
-    return best if best is not None else _with_reconfigurations(path, at, layers, window, is_start_given)
+    return best if best is not None else _with_reconfigurations(path, at, layers, is_start_given)
+
+
+def _continued(path: PathArrays, start: np.ndarray) -> Iterator[np.ndarray]:
+    """Configurations (n,) at the second pose and on, each followed from the one before, as far as that goes."""
+    q = start
+    for k, window in enumerate(path.windows, 1):
+        (there,), (arrived,) = path.descend(np.array([k]), q[None])
+        if not arrived or (np.abs(there - q) > np.minimum(window, _widest(path))).any():
+            return
+        yield there
+        q = there
 
 
 def _continuous_line(
-    path: PathArrays, at: np.ndarray, layers: list[np.ndarray], window: np.ndarray, is_start_given: bool
+    path: PathArrays, at: np.ndarray, layers: list[np.ndarray], is_start_given: bool
 ) -> np.ndarray | None:
     """A line (N, n) that reaches every pose without a step beyond the window; None: none was found."""
-    windows, forbidden = _windows(path, at, window), set[Edge]()
+    windows, forbidden = _windows(path, at), set[Edge]()
     for _ in range(REPAIRS):
-        line = best_line(layers, windows, forbidden, path.arrays.problem.turns, is_start_given)
+        line = best_line(layers, windows, forbidden, path.problem.turns, is_start_given)
         if line.reconfigurations:
             return None
-        q, arrived = filled(path, at, line.q)
-        amiss = np.flatnonzero(~arrived[1:] | (largest_steps(q, window) > 1.0)) + 1
-        if not len(amiss):
-            amiss = np.flatnonzero(~is_continuous(path, q)) + 1
+        q, amiss = _along(path, at, line)
         if not len(amiss):
             return q
-        forbidden |= {(k, line.chosen[k - 1], line.chosen[k]) for k in np.unique(np.searchsorted(at, amiss)).tolist()}
+        forbidden |= {line.edge(k) for k in np.unique(np.searchsorted(at, amiss)).tolist()}
     return None
 
 
-def _windows(path: PathArrays, at: np.ndarray, window: np.ndarray) -> np.ndarray:
+def _along(path: PathArrays, at: np.ndarray, line: Line) -> tuple[np.ndarray, np.ndarray]:
+    """The line through configurations at the poses `at` (L,), and the poses (K,) to which it does not lead."""
+    q, arrived = filled(path, at, line.q)
+    amiss = np.flatnonzero(~arrived[1:] | (largest_steps(path, q) > 1.0)) + 1
+    return q, amiss if len(amiss) else np.flatnonzero(~is_continuous(path, q)) + 1
+
+
+def _widest(path: PathArrays) -> np.ndarray:
+    """How far (n,) each joint may move between two layers, at most, unless one step may be larger."""
+    robot = path.problem.robot
+    return np.maximum(path.window, WIDEST * np.where(robot.slides, robot.length, 1.0))
+
+
+def _windows(path: PathArrays, at: np.ndarray) -> np.ndarray:
     """How far (L - 1, n) each joint may move from layer to layer."""
-    robot = path.arrays.robot
-    widest = np.maximum(window, WIDEST * np.where(robot.slides, robot.length, 1.0))
-    return np.asarray(np.minimum(np.diff(at)[:, None] * window, widest))
+    return np.minimum(path.some(at).windows, _widest(path))
 
 
 def _with_reconfigurations(
-    path: PathArrays, at: np.ndarray, layers: list[np.ndarray], window: np.ndarray, is_start_given: bool
+    path: PathArrays, at: np.ndarray, layers: list[np.ndarray], is_start_given: bool
 ) -> np.ndarray:
     """A line (N, n) with the fewest reconfigurations: before each it is followed pose by pose as far as that goes."""
-    knots = best_line(layers, _windows(path, at, window), set(), path.arrays.problem.turns, is_start_given).q
+    knots = best_line(layers, _windows(path, at), set(), path.problem.turns, is_start_given).q
     q, arrived = filled(path, at, knots)
     for k, (left, right) in enumerate(pairwise(at.tolist())):
-        if arrived[left : right + 1].all() and largest_steps(q[left : right + 1], window).max() <= 1.0:
+        some = slice(left, right + 1)
+        if arrived[some].all() and largest_steps(path.some(some), q[some]).max() <= 1.0:
             continue
         for i in range(left + 1, right):
             (q[i],), (is_there,) = path.descend(np.array([i]), q[i - 1 : i])
-            if not is_there or largest_steps(q[i - 1 : i + 1], window)[0] > 1.0:
-                back = _followed_back(path, knots[k + 1], i, right)
-                q[i:right] = back
+            step = slice(i - 1, i + 1)
+            if not is_there or largest_steps(path.some(step), q[step])[0] > 1.0:
+                q[i:right] = _followed_back(path, knots[k + 1], i, right)
                 break
     return q
 

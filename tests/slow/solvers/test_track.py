@@ -93,8 +93,18 @@ def test_an_elbow_does_not_flip_between_two_poses():
     bent = np.array([[0.2, -0.4], [0.21, -0.41], [0.21 - 0.41, 0.41]])
     targets = poses_along(robot, bent)
     np.testing.assert_allclose(targets[1, :3, 3], targets[2, :3, 3], atol=1e-12)
-    path = PathArrays(solver.engines.compiled, rows_of(targets)[0])
+    path = PathArrays(solver.engines.compiled, rows_of(targets)[0], np.arange(3), np.full(2, 0.5))
     assert is_continuous(path, bent).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_arm_of_few_joints_follows_what_it_has_done(seed):
+    """Three joints are asked for whole poses: those between the poses of its path are out of its reach."""
+    robot = mq.Robot.from_dh([{"a": 0.3, "alpha": 1.0, "d": 0.1, "lower": -2.0, "upper": 2.0}] * 3)
+    motion = smooth_motion(robot, np.random.default_rng(seed), 60)
+    path = mq.Solver(robot).track(poses_along(robot, motion))
+    assert path, path.reason
+    assert largest_step(path.q) < 2.0 * largest_step(motion)
 
 
 def test_where_the_arm_cannot_reach_the_rest_is_followed(rng):
@@ -198,6 +208,38 @@ def test_bad_calls_are_explained(changes, error, words):
 
 def test_problems_that_are_not_taken_are_named():
     robot = mq.Robot.maira()
-    limit = mq.LinearLimit(np.eye(7)[:1], np.ones(1))
-    with pytest.raises(OptionError, match="limits beside those of the joints"):
-        mq.Solver(robot, limits=[limit]).track([robot.forward(robot.middle)] * 2)
+    with pytest.raises(OptionError, match="the axes of its task count differently"):
+        mq.Solver(robot, task=mq.PoseTask(position_weight=[1, 1, 0])).track([robot.forward(robot.middle)] * 2)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_further_limits_are_kept_along_the_path(seed):
+    """The sum of two joints is bounded where a line without that bound goes beyond it."""
+    robot, rng = mq.Robot.maira(), np.random.default_rng(seed)
+    motion = smooth_motion(robot, rng, 40)
+    targets, row = poses_along(robot, motion), np.eye(7)[2:3] + np.eye(7)[4:5]
+    free = mq.Solver(robot).track(targets)
+    bound = 0.5 * ((motion @ row.T).max() + (free.q @ row.T).max())
+    if bound <= (motion @ row.T).max():
+        bound = (motion @ row.T).max() + 0.05
+    path = mq.Solver(robot, limits=[mq.LinearLimit(row, [bound])]).track(targets)
+    assert path, path.reason
+    assert (path.q @ row.T).max() <= bound + 1e-9
+    assert (errors(robot, path.q, targets) < 1.1e-6).all()
+
+
+def test_a_path_stays_clear_of_a_ball():
+    """The tool moves along a line, and the elbow has to go around a ball that its own way leads through."""
+    robot = mq.Robot.maira()
+    targets = [mq.pose([0.5, y, 0.4], quaternion=[0, 1, 0, 0]) for y in np.linspace(-0.2, 0.2, 30)]
+    free = mq.Solver(robot).track(targets)
+    assert free, free.reason
+    forearm = robot.forward(free.q[15], "link4").translation
+    ball = mq.Sphere(0.08, mq.pose(forearm), name="ball")
+    limit = mq.CollisionLimit(obstacles=[ball], margin=0.01, self_collision=False)
+    kept = mq.Solver(robot, limits=[limit])
+    assert kept.problem.limit_violations(robot.at(free.q[15]))
+    path = kept.track(targets)
+    assert path, path.reason
+    middle = 0.5 * (path.q[1:] + path.q[:-1])
+    assert not any(kept.problem.limit_violations(robot.at(q)) for q in (*path.q, *middle))

@@ -1,0 +1,1 @@
+"""Paths: the best line through layers of configurations."""
