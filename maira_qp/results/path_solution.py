@@ -23,6 +23,22 @@ class Rules:
     """So many larger steps are allowed"""
     dt: float | None
     """Time from pose to pose [s]"""
+    loop: bool
+    """The path is closed: it is to end with the configuration that it begins with"""
+
+
+@dataclass(frozen=True)
+class PathFailure:
+    """Where an arm does not follow a path."""
+
+    index: int
+    """The pose that is not reached, or before which the arm leaves the path"""
+    reason: str
+    """Why"""
+    is_step: bool
+    """The pose is reached, and the step to it is none along the path: a reconfiguration"""
+    is_proved: bool
+    """No configuration within the limits reaches the pose: proved, not only not found"""
 
 
 OWN = (
@@ -35,6 +51,7 @@ OWN = (
     "max_joint_step",
     "first_failure",
     "reason",
+    "parts",
 )
 
 
@@ -45,17 +62,15 @@ class PathSolution(OfProblem):
     q: np.ndarray
     """(N, n) [rad or m]"""
     success: np.ndarray
-    """(N,) of bool: the pose is within the tolerances, by a fresh forward kinematics"""
+    """(N,) of bool: the pose is within the tolerances, by a fresh forward kinematics, and the limits are kept"""
     position_error: np.ndarray
     """(N,) [m]"""
     orientation_error: np.ndarray
     """(N,) [rad]"""
     rules: Rules
     """What was allowed"""
-    continuous: np.ndarray
-    """(N - 1,) of bool: the step from a pose to the next leads along the path, not from branch to branch"""
-    _reasons: dict[int, str] = field(repr=False)
-    """Why poses are not reached, by index"""
+    failures: tuple[PathFailure, ...]
+    """Where it is not followed, pose by pose in their order: poses that are not reached, and reconfigurations"""
     _origin: Origin | None = field(default=None, repr=False)
 
     def __bool__(self) -> bool:
@@ -64,16 +79,15 @@ class PathSolution(OfProblem):
     def __len__(self) -> int:
         return len(self.q)
 
-    @cached_property
-    def breaks(self) -> np.ndarray:
-        """Indices of the poses before which a joint makes too large a step, or the arm changes branches."""
-        steps = np.abs(np.diff(self.q, axis=0))
-        return np.flatnonzero((steps > self.allowed_step * (1.0 + 1e-9)).any(axis=1) | ~self.continuous) + 1
-
     @property
     def allowed_step(self) -> np.ndarray:
         """(n,) largest step of each joint from pose to pose that was allowed [rad or m]"""
         return self.rules.step
+
+    @property
+    def breaks(self) -> np.ndarray:
+        """Indices of the poses before which a joint makes too large a step, or the arm changes branches."""
+        return np.array([each.index for each in self.failures if each.is_step], dtype=np.int64)
 
     @property
     def reconfigurations(self) -> int:
@@ -86,30 +100,33 @@ class PathSolution(OfProblem):
         return float(np.abs(np.diff(self.q, axis=0)).max(initial=0.0))
 
     @cached_property
+    def parts(self) -> list[tuple[int, int]]:
+        """First and past-the-last index of each part of the path that is followed without a break."""
+        found, begin = [], 0
+        for failure in self.failures:
+            found.append((begin, failure.index))
+            begin = failure.index if failure.is_step else failure.index + 1
+        return [(first, last) for first, last in [*found, (begin, len(self))] if last > first]
+
+    @cached_property
+    def _failure(self) -> PathFailure | None:
+        allowed = self.rules.reconfigurations
+        for failure in self.failures:
+            allowed -= failure.is_step
+            if not failure.is_step or allowed < 0:
+                return failure
+        return None
+
+    @property
     def first_failure(self) -> int | None:
         """Index of the first pose that is not reached, or only by one reconfiguration more than is allowed; None: the
         path is followed whole"""
-        missed, beyond = np.flatnonzero(~self.success), self.breaks[self.rules.reconfigurations :]
-        failures = [*missed[:1].tolist(), *beyond[:1].tolist()]
-        return min(failures) if failures else None
+        return None if self._failure is None else self._failure.index
 
-    @cached_property
+    @property
     def reason(self) -> str:
         """Why the path cannot be followed further than to there; empty: it is followed whole"""
-        k = self.first_failure
-        if k is None:
-            return ""
-        if not self.success[k]:
-            return self._reasons.get(k, "the pose is not reached")
-        steps = np.abs(self.q[k] - self.q[k - 1])
-        joint = int((steps / self.allowed_step).argmax())
-        name, unit = self.joint_names[joint], self.q_units[joint]
-        if steps[joint] <= self.allowed_step[joint]:
-            return f"no way was found to pose {k} along the path: the arm changes branches before it"
-        return (
-            f"no way was found on which {name} moves by less than {steps[joint]:.3g} {unit} to pose {k}; "
-            f"{self.allowed_step[joint]:.3g} {unit} is allowed"
-        )
+        return "" if self._failure is None else self._failure.reason
 
     def as_dict(self) -> dict[str, Any]:
         """All values by their names, as `json.dumps` takes them."""
@@ -126,8 +143,14 @@ class PathSolution(OfProblem):
         rows = [
             (name, f"{low:.4f} to {high:.4f} {unit}", f"{step:.4f} {unit}")
             for name, unit, low, high, step in zip(
-                self.joint_names, self.q_units, self.q.min(axis=0), self.q.max(axis=0), largest, strict=True
+                self.joint_names,
+                self.q_units,
+                self.q.min(axis=0, initial=np.inf),
+                self.q.max(axis=0, initial=-np.inf),
+                largest,
+                strict=True,
             )
+            if len(self)
         ]
         return Card(
             title=f"Path: {whole}",

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.arrays import is_native
-from maira_qp.errors import BackendError, OptionError, listed, shown
+from maira_qp.errors import BackendError, listed, shown
 from maira_qp.problem.limits.joint import Tick
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.backends import Backend, available
@@ -296,12 +296,16 @@ class Engines:
         batch.refuse(~finite)
         return batch
 
+    @property
+    def path_refusal(self) -> str:
+        """Why no path can be followed with this problem; empty: it can."""
+        return "" if self.compiled is not None else self.refusal
+
     def track(self, targets: Targets, q0: np.ndarray | None, seed: int, rules: Rules) -> PathSolution:
-        """Follow the path of N targets, from a start (n,) or any, by some rules. Raises `OptionError`."""
+        """Follow the path of N targets, from a start (n,) or any, by some rules, if `path_refusal` is empty."""
         from maira_qp.solvers.paths.track import track  # heavy: Numba comes with it
 
-        if self.compiled is None:
-            raise OptionError(f"a path is followed by the compiled engine, which cannot take this: {self.refusal}")
+        assert self.compiled is not None
         return track(self, self.compiled, targets, q0, seed, rules)
 
     def compiled_step(self, q: Any, target: Any, dt: float, velocity: Any) -> Step | None:

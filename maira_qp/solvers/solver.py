@@ -16,6 +16,7 @@ import numpy as np
 from maira_qp.arrays import check_callable, is_count, is_native, is_number, real_array
 from maira_qp.display import Card, Shown
 from maira_qp.errors import ConfigurationError, OptionError, PoseError, listed, shown
+from maira_qp.orientation import pose_error
 from maira_qp.problem.limits.joint import Limit, Tick
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.options import Options
@@ -280,6 +281,7 @@ class Solver(Shown):
         *,
         max_step: Any = None,
         max_reconfigurations: int = 0,
+        loop: bool = False,
         seed: int = 0,
     ) -> PathSolution:
         """Follow a path of poses: joint values for each, so that no joint jumps from one pose to the next.
@@ -295,10 +297,12 @@ class Solver(Shown):
             max_step: largest joint step from pose to pose, a number or (n,) [rad or m]; None: 0.5 rad, or half of the
                 arm's length. With `dt`, both hold.
             max_reconfigurations: larger steps that are allowed, at which the arm is to leave the path.
+            loop: the path ends at the pose where it begins, and the arm is to end as it began, so that it can go round
+                again.
             seed: non-negative integer; other seeds begin from other configurations.
 
-        The problem must be one that the compiled engine takes: one task of the tip of a chain, and no limits beside
-        those of the joints.
+        The problem must be one that the compiled engine takes: one task of the tip of a chain. Limits beside those of
+        the joints, such as collisions, are kept at each pose and halfway between two.
 
         Raises `PoseError`, `ConfigurationError`, `OptionError`.
         """
@@ -307,9 +311,27 @@ class Solver(Shown):
             raise PoseError(f"the pose of the path {int(np.flatnonzero(~targets.is_finite)[0])} holds NaN or inf")
         if not is_count(max_reconfigurations, 0):
             raise OptionError(f"max_reconfigurations must be a whole number from 0, got {shown(max_reconfigurations)}")
+        if not isinstance(loop, (bool, np.bool_)):
+            raise OptionError(f"loop must be True or False, got {shown(loop)}")
         checked_seed(seed)
-        rules = Rules(self._largest_step(dt, max_step), int(max_reconfigurations), dt)
+        rules = Rules(self._largest_step(dt, max_step), int(max_reconfigurations), dt, bool(loop))
+        if reason := self.engines.path_refusal:
+            raise OptionError(f"a path is followed by the compiled engine, which cannot take this: {reason}")
+        if loop and len(targets):
+            self._check_closed(targets)
         return self.engines.track(targets, self._start(q0), int(seed), rules)
+
+    def _check_closed(self, targets: Targets) -> None:
+        """Check that a loop ends at the pose where it begins. Raises `PoseError`."""
+        first, last = (next(iter(targets.poses(k).values())) for k in (0, len(targets) - 1))
+        asked = self.problem.tasks[0].all_weights > 0.0  # type: ignore[attr-defined]
+        error = np.where(asked, pose_error(first, last), 0.0)
+        position, orientation = np.linalg.norm(error[:3]), np.linalg.norm(error[3:])
+        if not self.problem.is_reached(position, orientation):
+            raise PoseError(
+                f"a loop ends at the pose where it begins, and the last one is {position:.3g} m and {orientation:.3g} "
+                "rad from the first; repeat the first pose at the end"
+            )
 
     def _largest_step(self, dt: Any, max_step: Any) -> np.ndarray:
         """How far (n,) each joint may move from pose to pose. Raises `OptionError`."""

@@ -95,10 +95,10 @@ def _step(nodes, k, j, windows, row, turning, enough):
 @device_kernel
 def _is_forbidden(forbidden, k, j):
     """Whether the step from node k to node j is not to be taken."""
+    found = False
     for row in range(len(forbidden)):
-        if forbidden[row, 0] == k and forbidden[row, 1] == j:
-            return True
-    return False
+        found = found or (forbidden[row, 0] == k and forbidden[row, 1] == j)
+    return found
 
 
 @device_kernel

@@ -4,7 +4,7 @@ Two configurations that are near each other may belong to different branches. Ha
 between their configurations, a descent ends near where it begins if one branch leads from one to the other; if not it
 ends near one of the two. Where it ends neither here nor there the halves are looked at in turn. That a path is a line
 between two poses is a convention: halfway the tool may be off by `DEVIATION`, and by some of what the poses are apart.
-Where an arm cannot reach the middle, as one with few joints, the nearest point counts if it is no further off than that.
+Where an arm cannot reach the middle, as one with few joints, the nearest point counts if it is no further off.
 """
 
 from __future__ import annotations

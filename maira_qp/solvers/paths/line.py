@@ -14,12 +14,10 @@ from itertools import pairwise
 import numpy as np
 
 from maira_qp.kernels.paths.linking import link
-from maira_qp.robots.model.revolutions import TURN, WholeTurns
+from maira_qp.robots.model.revolutions import WholeTurns
 
 RECONFIGURATION = 1e9
 """What a reconfiguration costs, in squares of the step that is allowed."""
-SAME = 1e-6
-"""A line whose ends are no further apart [rad or m] is closed."""
 
 Edge = tuple[int, int]
 """Two configurations of neighbouring layers, counted through all layers"""
@@ -39,11 +37,6 @@ class Line:
     def edge(self, layer: int) -> Edge:
         """The step to a layer."""
         return self.chosen[layer - 1], self.chosen[layer]
-
-    def is_closed(self, turns: WholeTurns) -> bool:
-        """Whether it ends where it begins; a joint without limits, any whole turns further."""
-        gap, endless = self.q[-1] - self.q[0], turns.everywhere & ~np.isfinite(turns.robot.upper)
-        return bool((np.abs(gap - np.where(endless, TURN * np.round(gap / TURN), 0.0)) <= SAME).all())
 
 
 def best_line(

@@ -17,10 +17,12 @@ import numpy as np
 
 from maira_qp.problem.targets import SEED_0, Targets, seed_words
 from maira_qp.results.path_solution import PathSolution, Rules
+from maira_qp.results.solution import Solution
 from maira_qp.solvers.compiled.problem_arrays import ProblemArrays
 from maira_qp.solvers.paths.continuity import is_continuous
 from maira_qp.solvers.paths.corridor import filled, largest_steps, smoothed
 from maira_qp.solvers.paths.descents import PathArrays
+from maira_qp.solvers.paths.failures import ROUNDING, broken, in_order, missed, open_end
 from maira_qp.solvers.paths.layers import Density, layer_indices, layers_of
 from maira_qp.solvers.paths.line import Edge, Line, best_line
 
@@ -33,6 +35,8 @@ REPAIRS = 6
 """How often a line is sought in the same layers, without the links that turned out to jump."""
 WIDEST = 0.6
 """How far a joint may move between two layers [rad, or of the arm's length], unless one step may be larger."""
+LOOPS = 24
+"""Beginnings of a loop that are tried."""
 CALM = 4.0
 """A line whose largest step is at most so many times the mean step is not sought again in finer layers."""
 
@@ -48,19 +52,19 @@ def track(
     rows, count = np.ascontiguousarray(targets.rows[:, 0]), len(targets)
     path, rng = PathArrays(arrays, rows, np.arange(count), rules.step), np.random.default_rng(seed)
     start = engines.solve(targets.poses(0), q0, SEED_0) if q0 is not None and count else None
-    by_knots = _followed_by_knots(engines, path, targets, start, seed, rng)
+    by_knots = _followed_by_knots(engines, path, targets, start, seed, rules.loop, rng)
     if by_knots is not None:
-        solution = _judged(engines, path, by_knots, rules, {})
-        if not solution.breaks.size and solution.success.all():
+        solution = _judged(engines, path, targets, by_knots, rules, {})
+        if not solution.failures:
             return solution
-    (q, reached), reasons = _alone(engines, targets, start, np.arange(count), seed), dict[int, str]()
+    (q, reached), others = _alone(engines, targets, start, np.arange(count), seed), dict[int, Solution]()
     for begin, end in runs(reached):
         part, is_start_given = path.some(slice(begin, end)), begin == 0 and q0 is not None
-        q[begin:end] = follow(part, q[begin:end], is_start_given, rng)
+        q[begin:end] = follow(part, q[begin:end], is_start_given, rules.loop and end - begin == count, rng)
     for k in np.flatnonzero(~reached).tolist():
-        solution = engines.solve(targets.poses(k), q[k - 1] if k else q0, SEED_0)
-        q[k], reasons[k] = solution.q, solution.status.meaning
-    return _judged(engines, path, q, rules, reasons)
+        others[k] = engines.solve(targets.poses(k), q[k - 1] if k else q0, SEED_0)
+        q[k] = others[k].q
+    return _judged(engines, path, targets, q, rules, others)
 
 
 def _alone(engines: Any, targets: Targets, start: Any, which: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -73,7 +77,13 @@ def _alone(engines: Any, targets: Targets, start: Any, which: np.ndarray, seed: 
 
 
 def _followed_by_knots(
-    engines: Any, path: PathArrays, targets: Targets, start: Any, seed: int, rng: np.random.Generator
+    engines: Any,
+    path: PathArrays,
+    targets: Targets,
+    start: Solution | None,
+    seed: int,
+    is_loop: bool,
+    rng: np.random.Generator,
 ) -> np.ndarray | None:
     """A line (N, n) that is sought at knots alone; None: they are as many as the poses, or not all are reached."""
     knots = layer_indices(path, KNOTS)
@@ -82,32 +92,44 @@ def _followed_by_knots(
     known, reached = _alone(engines, targets, start, knots, seed)
     if not reached.all():
         return None
-    return filled(path, knots, follow(path.some(knots), known, start is not None, rng))[0]
+    return filled(path, knots, follow(path.some(knots), known, start is not None, is_loop, rng))[0]
 
 
-def _judged(engines: Any, path: PathArrays, q: np.ndarray, rules: Rules, reasons: dict[int, str]) -> PathSolution:
-    """The result, by a fresh forward kinematics of each configuration (N, n)."""
+def _judged(
+    engines: Any, path: PathArrays, targets: Targets, q: np.ndarray, rules: Rules, others: dict[int, Solution]
+) -> PathSolution:
+    """The result, by a fresh forward kinematics of each configuration (N, n); `others` are those that reach no pose."""
+    problem = path.problem
     position, orientation = path.errors(path.rows, q).T
-    reached = np.asarray(engines.problem.is_reached(position, orientation)) & path.keeps_limits(q)
-    continuous = np.ones(max(len(q) - 1, 0), dtype=bool)
-    both = reached[:-1] & reached[1:] & (largest_steps(path, q) <= 1.0)
-    if both.any():
-        continuous[both] = is_continuous(path, q)[both]
-    return PathSolution(q, reached, position, orientation, rules, continuous, reasons, engines)
+    reached = np.asarray(problem.is_reached(position, orientation)) & path.keeps_limits(q)
+    failures = []
+    for k in np.flatnonzero(~reached).tolist():
+        failures.append(missed(k, others[k] if k in others else engines.solve(targets.poses(k), q[k], SEED_0)))
+    both = reached[:-1] & reached[1:]
+    leads = largest_steps(path, q) <= 1.0 + ROUNDING
+    if (both & leads).any():
+        leads[both & leads] = is_continuous(path, q)[both & leads]
+    failures += [broken(problem, q, k + 1, rules) for k in np.flatnonzero(both & ~leads).tolist()]
+    if rules.loop and len(q) and (end := open_end(problem, q)) is not None:
+        failures.append(end)
+    return PathSolution(q, reached, position, orientation, rules, in_order(failures), engines)
 
 
-def follow(path: PathArrays, known: np.ndarray, is_start_given: bool, rng: np.random.Generator) -> np.ndarray:
+def follow(
+    path: PathArrays, known: np.ndarray, is_start_given: bool, is_loop: bool, rng: np.random.Generator
+) -> np.ndarray:
     """Configurations (N, n) along a path, with as few steps beyond the window as were found.
 
     Args:
         path: N poses and their problem.
         known: some configuration (N, n) for each pose, which reaches it.
         is_start_given: the first of them is that of the path.
+        is_loop: the last is to be the first again.
         rng: of the configurations that are drawn.
     """
     if len(path) < 2:
         return known
-    nodes, fixed = [each[None] for each in known], (is_start_given, False)
+    nodes, fixed = [each[None] for each in known], (is_start_given or is_loop, is_loop)
     density, best, least = DENSITY, None, np.inf
     if is_start_given:
         for k, q in enumerate(_continued(path, known[0])):
@@ -116,7 +138,7 @@ def follow(path: PathArrays, known: np.ndarray, is_start_given: bool, rng: np.ra
     for _ in range(ROUNDS):
         at = layer_indices(path, density.spacing)
         layers = layers_of(path, at, nodes, is_start_given, density, rng)
-        q = _continuous_line(path, at, layers, is_start_given)
+        q = _loop(path, at, layers, is_start_given) if is_loop else _continuous_line(path, at, layers, is_start_given)
         if q is not None:
             q = smoothed(path, q, fixed)
             steps = largest_steps(path, q)
@@ -126,6 +148,22 @@ def follow(path: PathArrays, known: np.ndarray, is_start_given: bool, rng: np.ra
                 break
         density = density.finer()
     return best if best is not None else _with_reconfigurations(path, at, layers, is_start_given)
+
+
+def _loop(path: PathArrays, at: np.ndarray, layers: list[np.ndarray], is_start_given: bool) -> np.ndarray | None:
+    """A line (N, n) whose end is its beginning; None: none was found from some of the beginnings."""
+    begins, turns = layers[0], path.problem.turns
+    if not is_start_given:
+        free = best_line(layers, _windows(path, at), set(), turns, is_start_given).chosen[0]
+        begins = np.concatenate([begins[[free]], np.delete(begins, free, axis=0)])[:LOOPS]
+    for begin in begins:
+        closed = [begin[None], *layers[1:-1], begin[None]]
+        line = best_line(closed, _windows(path, at), set(), turns, is_start_given)
+        if not line.reconfigurations and open_end(path.problem, line.q) is None:
+            q = _continuous_line(path, at, closed, is_start_given)
+            if q is not None and open_end(path.problem, q) is None:
+                return q
+    return None
 
 
 def _continued(path: PathArrays, start: np.ndarray) -> Iterator[np.ndarray]:

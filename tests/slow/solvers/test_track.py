@@ -152,7 +152,7 @@ def test_steps_stay_within_velocities(rng):
     assert (np.abs(np.diff(path.q, axis=0)) <= robot.velocity_limit * 0.1 * (1 + 1e-9)).all()
     hasty = solver.track(targets, motion[0], dt=1e-4)
     assert not hasty
-    assert "is allowed" in hasty.reason
+    assert "velocity limit" in hasty.reason
     assert any(name in hasty.reason for name in robot.joint_names)
 
 
@@ -193,6 +193,7 @@ def test_results_are_saved(rng):
         ({"max_reconfigurations": 0.5}, OptionError, "max_reconfigurations"),
         ({"q0": [0.1]}, ConfigurationError, "q0"),
         ({"seed": -1}, OptionError, "seed"),
+        ({"loop": "yes"}, OptionError, "loop"),
         ({"path": np.eye(4)}, PoseError, "path"),
         ({"path": np.zeros((3, 4, 4))}, PoseError, "pose of the path 0"),
         ({"path": np.full((2, 4, 4), np.nan)}, PoseError, "pose of the path 0"),
@@ -243,3 +244,70 @@ def test_a_path_stays_clear_of_a_ball():
     assert path, path.reason
     middle = 0.5 * (path.q[1:] + path.q[:-1])
     assert not any(kept.problem.limit_violations(robot.at(q)) for q in (*path.q, *middle))
+
+
+def circle(count: int = 100, turns: float = 1.0, radius: float = 0.15) -> np.ndarray:
+    """Poses (count, 4, 4) on a circle in front of the arm, the tool down; the last is the first again."""
+    angles = np.linspace(0.0, 2 * np.pi * turns, count)
+    return np.array(
+        [mq.pose([0.5, radius * np.cos(a), 0.5 + radius * np.sin(a)], rpy=[np.pi, 0, 0]).homogeneous for a in angles]
+    )
+
+
+@pytest.mark.parametrize("name", ["maira", "panda", "ur5"])
+def test_a_loop_ends_as_it_begins(name):
+    robot = arm(name)
+    solver, targets = mq.Solver(robot), circle()
+    path = solver.track(targets, loop=True)
+    assert path, path.reason
+    np.testing.assert_allclose(path.q[0], path.q[-1], atol=1e-6)
+    again = solver.track(targets, q0=path.q[0], loop=True)
+    assert again, again.reason
+    np.testing.assert_allclose(again.q[[0, -1]], path.q[[0, 0]], atol=1e-6)
+
+
+def test_a_loop_that_cannot_be_closed_says_so():
+    """The tool goes round the base: the first joint ends a turn away, however the elbow is bent."""
+    link = {"d": 0.0, "alpha": 0.0}
+    wide = {"a": 0.5, "lower": -7.0, "upper": 7.0, **link}
+    elbow = {"a": 0.5, "lower": 0.1, "upper": 3.0, **link}
+    robot = mq.Robot.from_dh([wide, elbow])
+    angles = np.linspace(0.0, 2 * np.pi, 150)
+    targets = [mq.pose([0.8 * np.cos(a), 0.8 * np.sin(a), 0.0]) for a in angles]
+    solver = mq.Solver(robot, task=mq.PositionTask())
+    assert solver.track(targets)
+    path = solver.track(targets, loop=True)
+    assert not path
+    assert path.first_failure == 149
+    assert "joint1 ends 6.28 rad away" in path.reason
+    endless = mq.Robot.from_dh([{"a": 0.5, "kind": "continuous", **link}, elbow])
+    assert mq.Solver(endless, task=mq.PositionTask()).track(targets, loop=True)
+
+
+def test_a_loop_has_to_be_closed():
+    with pytest.raises(PoseError, match="repeat the first pose at the end"):
+        mq.Solver(mq.Robot.maira()).track(circle(turns=0.7), loop=True)
+
+
+def test_parts_are_what_is_followed():
+    """A line that leaves the workspace twice: parts and failures together are all poses."""
+    robot = mq.Robot.maira()
+    x = 1.3 + 0.6 * np.sin(np.linspace(0.0, 4 * np.pi, 120))
+    path = mq.Solver(robot).track([mq.pose([each, 0.1, 0.5], quaternion=[0, 1, 0, 0]) for each in x])
+    assert not path
+    assert len(path.parts) == 3
+    covered = [k for begin, end in path.parts for k in range(begin, end)]
+    missed = [failure.index for failure in path.failures]
+    assert sorted(covered + missed) == list(range(120))
+    assert path.success[covered].all()
+    assert not path.success[missed].any()
+    for begin, end in path.parts:
+        assert largest_step(path.q[begin:end]) < 0.5
+    assert any(failure.is_proved for failure in path.failures)
+
+
+def test_an_empty_path_can_be_looked_at():
+    path = mq.Solver(mq.Robot.maira()).track([])
+    assert "0 poses" in repr(path)
+    assert path.parts == []
+    assert path._repr_html_()

@@ -18,7 +18,7 @@ def planar(*ranges: float) -> WholeTurns:
 
 def cost(nodes: list[np.ndarray], windows: np.ndarray, turns: WholeTurns) -> float:
     """What a line (L, n) costs, turns counted by the shortest way."""
-    total, began, end = 0.0, nodes[0], nodes[0]
+    total, end = 0.0, nodes[0]
     least = most = end
     for (before, here), window in zip(pairwise(nodes), windows, strict=True):
         moved = turns.shortest(here - before)
@@ -28,7 +28,7 @@ def cost(nodes: list[np.ndarray], windows: np.ndarray, turns: WholeTurns) -> flo
         if far <= 1.0 and turns.has_room(low, high, False):
             total, least, most = total + far**2, low, high
         else:
-            total, began, end = total + RECONFIGURATION + far, here, here
+            total, end = total + RECONFIGURATION + far, here
             least = most = end
     return total
 
@@ -77,11 +77,3 @@ def test_turns_leave_room_for_the_travel(is_start_given):
         assert line.reconfigurations == 0
         np.testing.assert_allclose(np.diff(line.q[:, 0]), np.diff(angles), atol=1e-12)
     assert (np.abs(line.q) <= 1.5 * TURN).all()
-
-
-def test_a_closed_line_ends_at_the_turn_where_it_begins():
-    turns = planar(4.0 * TURN)
-    once = best_line([np.zeros((1, 1))] * 2, np.ones((1, 1)), set(), turns, is_start_given=False)
-    assert once.is_closed(turns)
-    around = [turns.in_window(np.array([[angle]])) for angle in np.linspace(0.0, TURN, 20)]
-    assert not best_line(around, np.full((19, 1), 0.5), set(), turns, is_start_given=False).is_closed(turns)

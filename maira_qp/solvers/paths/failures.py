@@ -1,0 +1,85 @@
+"""Where an arm does not follow a path, and why, in words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from maira_qp.problem.problem import Problem
+from maira_qp.results.path_solution import PathFailure, Rules
+from maira_qp.results.solution import Solution
+from maira_qp.results.status import Status
+from maira_qp.robots.model.revolutions import TURN
+
+SINGULAR = 1e3
+"""Condition number from which on a configuration is called singular."""
+ROUNDING = 1e-9
+"""By this share a step may be larger than is allowed."""
+CLOSED = 1e-6
+"""A loop whose ends are no further apart [rad or m] is closed."""
+
+
+def missed(index: int, solution: Solution) -> PathFailure:
+    """A pose that is not reached, by the solution that was found instead."""
+    reason, proved = solution.status.meaning, solution.status == Status.UNREACHABLE
+    if solution.status == Status.LIMITS_BROKEN:
+        reason += f": {', '.join(solution.broken_limits)}"
+    elif not proved:
+        millimetres, degrees = 1e3 * solution.position_error, np.degrees(solution.orientation_error)
+        reason += f", {millimetres:.3g} mm and {degrees:.3g} deg away"
+        if solution.active_limits:
+            reason += f"; it stands on {', '.join(solution.active_limits)}"
+    return PathFailure(index, reason, is_step=False, is_proved=proved)
+
+
+def broken(problem: Problem, q: np.ndarray, index: int, rules: Rules) -> PathFailure:
+    """A step of q (N, n) to the pose `index` that is too large, or changes branches."""
+    robot, before = problem.robot, q[index - 1]
+    steps = np.abs(q[index] - before)
+    joint = int((steps / rules.step).argmax())
+    name, unit = robot.joint_names[joint], "m" if robot.slides[joint] else "rad"
+    if steps[joint] <= rules.step[joint] * (1.0 + ROUNDING):
+        reason = f"no way was found to pose {index} along the path: the arm changes branches before it"
+    elif rules.dt is not None and rules.step[joint] == robot.velocity_limit[joint] * rules.dt:
+        reason = (
+            f"no way was found on which {name} moves by less than {steps[joint] / rules.dt:.3g} {unit}/s to pose "
+            f"{index}; its velocity limit is {robot.velocity_limit[joint]:.3g} {unit}/s"
+        )
+    else:
+        reason = (
+            f"no way was found on which {name} moves by less than {steps[joint]:.3g} {unit} to pose {index}; "
+            f"{rules.step[joint]:.3g} {unit} is allowed"
+        )
+    return PathFailure(index, reason + _circumstances(problem, before), is_step=True, is_proved=False)
+
+
+def _circumstances(problem: Problem, q: np.ndarray) -> str:
+    """What may have to do with it: limits that q (n,) stands on, a singularity."""
+    found, names = "", problem.active_limits(q)
+    if names:
+        found += f"; before it the arm stands on {', '.join(names)}"
+    condition = problem.robot.condition_number(q)
+    if condition > SINGULAR:
+        found += f"; before it the arm is near a singularity (condition number {condition:.1e})"
+    return found
+
+
+def open_end(problem: Problem, q: np.ndarray) -> PathFailure | None:
+    """The end of a loop q (N, n) that does not meet its beginning; None: it does."""
+    robot, gap = problem.robot, q[-1] - q[0]
+    endless = ~robot.slides & ~np.isfinite(robot.upper) & ~np.isfinite(robot.lower)
+    gap = np.abs(gap - np.where(endless, TURN * np.round(gap / TURN), 0.0))
+    joint = int(gap.argmax())
+    if gap[joint] <= CLOSED:
+        return None
+    unit = "m" if robot.slides[joint] else "rad"
+    reason = (
+        f"no way was found whose end meets its beginning: {robot.joint_names[joint]} ends {gap[joint]:.3g} {unit} away"
+    )
+    return PathFailure(len(q) - 1, reason, is_step=True, is_proved=False)
+
+
+def in_order(failures: list[Any]) -> tuple[PathFailure, ...]:
+    """All of them, pose by pose."""
+    return tuple(sorted(failures, key=lambda each: each.index))
