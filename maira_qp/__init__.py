@@ -25,7 +25,8 @@ from maira_qp.problem.tasks.relative import RelativePoseTask
 from maira_qp.problem.tasks.swivel import SwivelTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.results.batch import BatchSolution
-from maira_qp.results.path_solution import PathSolution
+from maira_qp.results.path_proof import PathProof
+from maira_qp.results.path_solution import PathFailure, PathSolution
 from maira_qp.results.solution import Solution
 from maira_qp.results.solution_set import ListedSolution, Solutions
 from maira_qp.results.status import Status, StepStatus
@@ -62,6 +63,8 @@ __all__ = [
     "ObstacleDistance",
     "Options",
     "OrientationTask",
+    "PathFailure",
+    "PathProof",
     "PathSolution",
     "PoseTask",
     "PositionTask",

@@ -32,6 +32,10 @@ class Origin(Protocol):
         """See `Solution.proof`."""
         ...
 
+    def path_proof(self, path: Any) -> Any:
+        """See `PathSolution.proof`."""
+        ...
+
 
 class OfProblem(Shown):
     """What is known of the joints. A pickle holds it in place of the robot."""

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from maira_qp.arrays import plain
 from maira_qp.display import Card
 from maira_qp.results.answer import OfProblem, Origin
+
+if TYPE_CHECKING:
+    from maira_qp.results.certificate import Proof
+    from maira_qp.results.path_proof import PathProof
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +29,8 @@ class Rules:
     """Time from pose to pose [s]"""
     loop: bool
     """The path is closed: it is to end with the configuration that it begins with"""
+    is_start_given: bool
+    """The configuration at the first pose is given"""
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,8 @@ class PathSolution(OfProblem):
     """What was allowed"""
     failures: tuple[PathFailure, ...]
     """Where it is not followed, pose by pose in their order: poses that are not reached, and reconfigurations"""
+    _targets: np.ndarray = field(repr=False)
+    """(N, 12) R by rows, then p"""
     _origin: Origin | None = field(default=None, repr=False)
 
     def __bool__(self) -> bool:
@@ -127,6 +135,16 @@ class PathSolution(OfProblem):
     def reason(self) -> str:
         """Why the path cannot be followed further than to there; empty: it is followed whole"""
         return "" if self._failure is None else self._failure.reason
+
+    @cached_property
+    def proof(self) -> Proof | PathProof | None:
+        """What proves that the path cannot be followed past `first_failure`, as data that other code can check.
+
+        For a pose out of reach that of `Solution.proof`. For S-R-S arms with steps too large: that the poses up to
+        some later one cannot be followed, see `PathProof`; it takes up to some seconds to look for. None: there is
+        none, it was not found, or the path was pickled.
+        """
+        return None if self._failure is None or self._origin is None else self._origin.path_proof(self)
 
     def as_dict(self) -> dict[str, Any]:
         """All values by their names, as `json.dumps` takes them."""

@@ -34,6 +34,7 @@ from maira_qp.solvers.reference.step import keeps_further_limits, tick
 if TYPE_CHECKING:
     from maira_qp.results.certificate import Proof
     from maira_qp.results.explanation import Explanation
+    from maira_qp.results.path_proof import PathProof
     from maira_qp.solvers.compiled.engine import Compiled
     from maira_qp.solvers.compiled.step import CompiledTick
 
@@ -352,10 +353,24 @@ class Engines:
 
     def proof(self, solution: Solution) -> Proof | None:
         """What proves that the target of a solution is out of reach."""
+        return self._proof(self._poses(solution))
+
+    def _proof(self, poses: Poses) -> Proof | None:
         from maira_qp.solvers.certificates import Proofs  # heavy: Numba comes with it
 
         proofs = Proofs.build(self.problem)
-        return None if proofs is None else proofs.proof(self._poses(solution))
+        return None if proofs is None else proofs.proof(poses)
+
+    def path_proof(self, path: PathSolution) -> Proof | PathProof | None:
+        """What proves that a path cannot be followed past its first failure."""
+        from maira_qp.solvers.paths.impossibility import proof_of  # heavy: Numba comes with it
+
+        k = path.first_failure
+        if k is None:
+            return None
+        if not path.success[k]:
+            return self._proof(poses_of(self.problem.frames, path._targets[k][None]))
+        return proof_of(self.problem, path)
 
     def _poses(self, solution: Solution) -> Poses:
         return poses_of(self.problem.frames, solution._target)

@@ -314,7 +314,7 @@ class Solver(Shown):
         if not isinstance(loop, (bool, np.bool_)):
             raise OptionError(f"loop must be True or False, got {shown(loop)}")
         checked_seed(seed)
-        rules = Rules(self._largest_step(dt, max_step), int(max_reconfigurations), dt, bool(loop))
+        rules = Rules(self._largest_step(dt, max_step), int(max_reconfigurations), dt, bool(loop), q0 is not None)
         if reason := self.engines.path_refusal:
             raise OptionError(f"a path is followed by the compiled engine, which cannot take this: {reason}")
         if loop and len(targets):

@@ -21,7 +21,7 @@ ASIDE = 0.25
 HASH = np.uint64(0x9E3779B97F4A7C15)
 """Odd, its powers tell cells apart, modulo 2^64."""
 FIRST_TIMES = 6
-"""The first layer begins from so many times as many configurations as others do."""
+"""The first layer begins from so many times as many configurations as others do, and each without a redundancy."""
 FAR = 3.0
 """A metre counts as so many radians, divided by the arm's length: of what lies between two layers."""
 
@@ -76,7 +76,8 @@ def layers_of(
     for index in at.tolist():
         here = known[index]
         if layers or not is_start_given:
-            fresh = density.fresh * (1 if layers else FIRST_TIMES)
+            is_redundant = path.n > path.rank  # else its configurations are few, and none leads to another
+            fresh = density.fresh * (1 if layers and is_redundant else FIRST_TIMES)
             starts = np.concatenate([before, *_aside(before, rng), _anywhere(path, fresh, rng)])
             found, arrived = path.descend(np.full(len(starts), index), starts)
             at_one_turn = path.arrays.problem.turns.in_window(np.concatenate([here, found[arrived]]))

@@ -112,7 +112,7 @@ def _judged(
     failures += [broken(problem, q, k + 1, rules) for k in np.flatnonzero(both & ~leads).tolist()]
     if rules.loop and len(q) and (end := open_end(problem, q)) is not None:
         failures.append(end)
-    return PathSolution(q, reached, position, orientation, rules, in_order(failures), engines)
+    return PathSolution(q, reached, position, orientation, rules, in_order(failures), path.rows, engines)
 
 
 def follow(

@@ -1,0 +1,106 @@
+"""Prove for an S-R-S arm that poses of a path cannot be followed within the allowed steps.
+
+All configurations that reach a pose lie on circles, one for each branch, over the swivel angle psi. These are cut into
+cells, and each cell put into a box of joint values. As psi changes by h, shoulder and wrist turn by h: the middle of
+three axes at right angles to each other turns by at most h, the outer two by `h / sin g`, where g is how far the first
+and the last axis are from being parallel, which changes by at most h itself. Of the boxes at a pose only those are left
+that a box of the pose before is within the allowed step of. Where none is left, no path leads there.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from maira_qp.analytic.srs.geometry import SRS
+from maira_qp.kernels.paths.boxes import within_a_step
+from maira_qp.problem.problem import Problem
+from maira_qp.problem.targets import poses_of
+from maira_qp.results.path_proof import PathProof
+from maira_qp.results.path_solution import PathSolution
+
+CELLS = (128, 512)
+"""Cells of the swivel angle: if the first do not prove it, the next are tried."""
+RIGHT = 1e-9
+"""The outer axes are at right angles to the middle one to this cosine, or nothing is proved."""
+ROUNDING = 1e-9
+"""What boxes are wider than the bounds [rad]"""
+MOST = 400
+"""Of a longer path so many poses are looked at: between two of them as many steps are allowed as there are."""
+TURNS = (0, -1, 1)
+
+
+def proof_of(problem: Problem, path: PathSolution) -> PathProof | None:
+    """A proof that a path cannot be followed within its part that ends with the first failure, or goes on after it.
+
+    None where the arm is not S-R-S, its task not the whole pose, the failure of a loop, or none was found.
+    """
+    srs, k = SRS.of(problem.robot) if problem.robot.is_chain else None, path.first_failure
+    is_whole_pose = len(problem.tasks) == 1 and bool((problem.tasks[0].all_weights > 0.0).all())  # type: ignore
+    if srs is None or k is None or not is_whole_pose or path.rules.reconfigurations:
+        return None
+    missed = np.flatnonzero(~path.success)
+    begin, end = max([0, *(missed[missed < k] + 1)]), min([len(path), *missed[missed > k]])
+    start = path.q[0] if begin == 0 and path.rules.is_start_given else None
+    poses = np.array([poses_of(problem.frames, row[None])[problem.frames[0]].homogeneous for row in path._targets])
+    return path_proof(srs, poses[begin:end], path.allowed_step, start, begin)
+
+
+def path_proof(srs: SRS, poses: np.ndarray, step: np.ndarray, start: np.ndarray | None, first: int) -> PathProof | None:
+    """A proof about poses (N, 4, 4), the first of which has the index `first` in its path; None: none was found.
+
+    Args:
+        srs: the arm.
+        poses: the poses.
+        step: (n,) the allowed step from pose to pose [rad].
+        start: the configuration (n,) at the first of them [rad]; None: any.
+        first: its index.
+    """
+    at_right_angles = all(abs(joint.a @ joint.b) < RIGHT and abs(joint.b @ joint.c) < RIGHT for joint in srs.joints)
+    if not at_right_angles or not (np.abs([srs.lower, srs.upper]) <= 3.0 * np.pi).all():
+        return None
+    at = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MOST)).astype(int))
+    if any(np.linalg.norm(srs.wrist_centre(poses[k]) - srs.shoulder) < RIGHT for k in at):
+        return None
+    for cells in CELLS:
+        boxes = [boxes_at(srs, poses[0], cells) if start is None else np.stack([start, start])[None]]
+        for before, k in pairwise(at.tolist()):
+            here = boxes_at(srs, poses[k], cells)
+            found = np.empty(len(here), np.bool_)
+            within_a_step(boxes[-1], here, (k - before) * step, found)
+            boxes.append(here[found])
+            if not found.any():
+                return PathProof(first + at[: len(boxes)], tuple(boxes), step, start is not None)
+    return None
+
+
+def boxes_at(srs: SRS, T: np.ndarray, cells: int) -> np.ndarray:
+    """Boxes (m, 2, 7) of joint values [rad] that hold all configurations within the limits with the tip at T (4, 4)."""
+    half = np.pi / cells
+    psi = -np.pi + half * (2 * np.arange(cells) + 1)
+    found = [np.empty((0, 2, 7))]
+    for branch in srs.elbow_branches(T):
+        q, wide = srs.evaluate(branch, psi), np.zeros((cells, 7))
+        for k, (joint, circle) in enumerate(zip(srs.joints, (branch.shoulder, branch.wrist), strict=True)):
+            nearest = joint.nearness(circle.at(psi)) - half
+            outer = np.where(nearest > 0.0, half / np.sin(np.maximum(nearest, 1e-12)), np.inf)
+            wide[:, 4 * k : 4 * k + 3] = np.stack([outer, np.full(cells, half), outer], axis=1)
+        wide = np.minimum(wide + ROUNDING, np.pi)
+        ends = np.stack([q - wide[:, None], q + wide[:, None]], axis=2).reshape(-1, 2, 7)
+        found.append(_within_limits(srs, ends))
+    return np.ascontiguousarray(np.concatenate(found))
+
+
+def _within_limits(srs: SRS, boxes: np.ndarray) -> np.ndarray:
+    """What of boxes (m, 2, 7), at all turns of their joints, is within the limits."""
+    for joint in range(7):
+        low, high, turned = srs.lower[joint] - ROUNDING, srs.upper[joint] + ROUNDING, []
+        for turns in TURNS:
+            ends = boxes[:, :, joint] + 2 * np.pi * turns
+            is_within = (ends[:, 0] <= high) & (ends[:, 1] >= low)
+            some = boxes[is_within]
+            some[:, :, joint] = np.clip(ends[is_within], low, high)
+            turned.append(some)
+        boxes = np.concatenate(turned)
+    return boxes
