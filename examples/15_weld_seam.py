@@ -39,9 +39,9 @@ print(f"  {robot.joint_names[fastest]} is nearest to its speed limit:", end=" ")
 print(f"{np.degrees(rates[:, fastest].max()):.1f} of {np.degrees(robot.velocity_limit[fastest]):.0f} °/s")
 
 picture = plots.figure(1, 2, size=(10.0, 3.6))
-seen, leaning = tool[:, :2, 3], -0.04 * tool[::40, :2, 2]
-picture.axes[0].plot(*seen.T, color=plots.COLORS[0])
-picture.axes[0].quiver(*seen[::40].T, *leaning.T, color=plots.COLORS[1], angles="xy", scale_units="xy", scale=1)
+tips, handles = tool[::20, :2, 3], tool[::20, :2, 3] - 0.06 * tool[::20, :2, 2]
+picture.axes[0].plot(*np.stack([tips, handles], axis=1).T, color=plots.COLORS[1], linewidth=0.8, linestyle="-")
+picture.axes[0].plot(*tool[:, :2, 3].T, color=plots.COLORS[0], linestyle="-")
 picture.axes[0].set(xlabel="x [m]", ylabel="y [m]", title="seam and torch, seen from above", aspect="equal")
 plots.joint_paths(picture.axes[1], robot, path.q, times=dt * np.arange(len(welded)))
 print(f"Picture: {plots.save(picture, 'output/15_weld_seam.png')}")

@@ -24,10 +24,11 @@ print(f"  lines of {drawn:.2f} m, off the board by {1e6 * np.abs(z[is_down]).max
 print(f"the pen tilted by {1e3 * tilt.max():.4f} mrad at most")
 print(f"  largest joint step {np.degrees(path.max_joint_step):.2f}°, {path.reconfigurations} reconfigurations")
 
-picture = plots.figure(1, 2, size=(10.0, 3.6))
+picture = plots.figure(2, 1, size=(8.0, 6.0))
 picture.axes[0].plot(x, y, color=plots.COLORS[1], linewidth=0.6, linestyle=":", label="pen lifted")
 picture.axes[0].plot(np.where(is_down, x, np.nan), y, color=plots.COLORS[0], label="pen down")
 picture.axes[0].set(xlabel="x [m]", ylabel="y [m]", title="on the board", aspect="equal")
-picture.axes[0].legend(frameon=False)
+picture.axes[0].legend(frameon=False, ncols=2, loc="upper left", bbox_to_anchor=(0, -0.4))
 plots.joint_paths(picture.axes[1], robot, path.q)
+picture.axes[1].set(xlabel="pose")
 print(f"Picture: {plots.save(picture, 'output/16_writing.png')}")

@@ -45,7 +45,8 @@ def _on_legs(A: np.ndarray, B: np.ndarray, leg: np.ndarray, u: np.ndarray) -> np
     turns = (A[:, :3, :3] != B[:, :3, :3]).any(axis=(1, 2))
     if turns.any():
         way = np.zeros((len(A), 3))
-        way[turns] = (Rotation.from_matrix(A[turns, :3, :3]).inv() * Rotation.from_matrix(B[turns, :3, :3])).as_rotvec()
+        relative = A[turns, :3, :3].swapaxes(1, 2) @ B[turns, :3, :3]
+        way[turns] = Rotation.from_matrix(relative).as_rotvec()
         turning = np.flatnonzero(turns[leg])
         part = Rotation.from_rotvec(u[turning] * way[leg[turning]]).as_matrix()
         T[turning, :3, :3] = T[turning, :3, :3] @ part

@@ -119,6 +119,15 @@ def test_where_the_tool_turns_on_the_spot_there_is_no_blend():
     assert rotation_angles(path).max() <= 0.05 * (1 + 1e-9)
 
 
+def test_blends_turn_no_faster_than_lines(rng):
+    """Where the rotation decides alone, at angles up to half a turn a leg."""
+    for _ in range(10):
+        poses = random_poses(rng, 4, spread=1.0)
+        blend = 0.4 * distances(poses).min()
+        path = paths.polyline(poses, blend=blend, step=np.inf, turn=0.05)
+        assert rotation_angles(path).max() <= 0.05 * (1 + 1e-9)
+
+
 def test_a_rectangle_lies_in_its_plane_and_has_its_sides(rng):
     center = random_pose(rng)
     path = paths.rectangle(center, 0.3, 0.2, step=0.01)

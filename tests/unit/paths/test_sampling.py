@@ -45,6 +45,18 @@ def test_repeated_poses_do_not_matter(rng):
     np.testing.assert_allclose(paths.resampled(np.repeat(poses[:1], 5, axis=0)), poses[:1], atol=1e-12)
 
 
+def test_poses_that_repeat_to_rounding_are_repeated(rng):
+    """As where paths are joined that came from two frames; the end that was given is the end."""
+    poses = random_poses(rng, 3)
+    nearly = poses[[0, 1, 1, 2, 2]].copy()
+    nearly[[2, 4], :3, 3] += 5e-13
+    for make in (paths.polyline, paths.resampled, lambda each: paths.waypoints(each, 0.1, stop=False)):
+        path = make(nearly)
+        assert len(path) == len(make(poses))
+        assert distances(path).min() > 1e-4
+        np.testing.assert_allclose(path[-1], nearly[-1], rtol=0, atol=2e-15)
+
+
 def test_a_path_may_be_poses_of_pinocchio_or_a_list_of_arrays(rng):
     poses = [random_pose(rng) for _ in range(4)]
     arrays = np.array([T.homogeneous for T in poses])

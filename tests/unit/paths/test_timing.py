@@ -72,6 +72,18 @@ def test_without_stops_the_speed_is_kept_through_the_poses(rng):
     assert np.diff(speed).max() <= 0.4 * dt * (1 + 1e-6) + 0.02 * 0.2  # chords over the facets of the polygon
 
 
+def test_without_stops_every_leg_keeps_its_own_accelerations():
+    """First a line, then a turn on the spot, which may accelerate less: it brakes the end of the path."""
+    dt, poses = 0.01, [mq.pose(), mq.pose([0.2, 0, 0]), mq.pose([0.2, 0, 0], rpy=[0, 0, 1.0])]
+    limits = {"speed": 0.5, "angular_speed": 2.0, "acceleration": 1.0, "angular_acceleration": 1.0}
+    for given in (poses, poses[::-1]):
+        path = paths.waypoints(given, dt, stop=False, **limits)
+        turning, moving = rotation_angles(path) / dt, distances(path) / dt
+        for speed, acceleration in ((turning, 1.0), (moving, 1.0)):
+            own = speed[speed > 1e-6]
+            assert np.abs(np.diff(own[1:-1])).max() / dt <= acceleration * (1 + 1e-6)
+
+
 def test_each_pose_is_reached_at_its_time(rng):
     poses, times = random_poses(rng, 5), np.array([1.0, 1.5, 1.75, 3.0, 3.25])
     path = paths.waypoints(poses, 0.25, times=times)
