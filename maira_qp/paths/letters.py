@@ -15,6 +15,8 @@ UNITS = 6
 """Height of a letter on the grid of its strokes."""
 GAP = 2
 """Between two letters, on the same grid."""
+LONGEST = 1000
+"""Most characters of a text."""
 STROKES = {
     "A": "00 26 40/13 33",
     "B": "33 03/00 06 36 45 44 33 42 41 30 00",
@@ -73,7 +75,7 @@ def letters(
     along -y, and the pen is lifted along -z. The path begins and ends with the pen lifted.
 
     Args:
-        text: letters A to Z, digits and blanks; small letters are drawn as capitals.
+        text: letters A to Z, digits and blanks, 1000 at most; small letters are drawn as capitals.
         height: of a letter [m], > 0.
         origin: pose of the tool at the lower left corner of the text; it keeps the orientation.
         lift: how far the pen is lifted [m], > 0.
@@ -95,8 +97,8 @@ def letters(
 
 def _strokes(text: Any) -> list[np.ndarray]:
     """Strokes (K, 3) of a text in units of the grid, z = 0. Raises `OptionError`."""
-    if not isinstance(text, str):
-        raise OptionError(f"text must be a string, got {shown(text)}")
+    if not isinstance(text, str) or len(text) > LONGEST:
+        raise OptionError(f"text must be a string of at most {LONGEST} characters, got {shown(text)}")
     strokes, x = [], 0
     for letter in text.upper():
         if letter not in STROKES:

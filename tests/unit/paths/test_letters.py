@@ -76,6 +76,7 @@ def test_small_letters_are_drawn_as_capitals():
         (lambda T: paths.letters("", 0.1, T), OptionError, "nothing to draw"),
         (lambda T: paths.letters("  ", 0.1, T), OptionError, "nothing to draw"),
         (lambda T: paths.letters(7, 0.1, T), OptionError, "text must be a string"),
+        (lambda T: paths.letters("A" * 1001, 0.1, T), OptionError, "at most 1000 characters"),
         (lambda T: paths.letters("A", 0, T), OptionError, "height must be a positive number"),
         (lambda T: paths.letters("A", 0.1, T, lift=-0.1), OptionError, "lift must be a positive number"),
         (lambda T: paths.letters("A", 0.1, [0, 0, 0]), PoseError, "origin must be"),
