@@ -7,7 +7,7 @@ solver = mq.Solver(robot, redundancy=mq.Strict(mq.Posture()))
 solution = solver.solve(mq.pose([0.4, 0.2, 0.9], quaternion=[1, 0, 0, 0]))
 """
 
-from maira_qp import errors
+from maira_qp import errors, paths
 from maira_qp.orientation import pose_error
 from maira_qp.problem.limits.collision import CollisionLimit
 from maira_qp.problem.limits.joint import Limit, LinearLimit, Tick
@@ -85,6 +85,7 @@ __all__ = [
     "Weighted",
     "compile",
     "errors",
+    "paths",
     "pose",
     "pose_error",
 ]

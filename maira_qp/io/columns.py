@@ -43,8 +43,11 @@ class Layout:
         return (*self.pose, *self.start)
 
 
-def layout(names: Sequence[str], joint_names: Sequence[str]) -> Layout:
-    """The layout that the names of the columns tell. Raises `PoseError`, naming what is missing and what is valid."""
+def layout(names: Sequence[str], joint_names: Sequence[str] | None) -> Layout:
+    """The layout that the names of the columns tell; without names of joints there is no start.
+
+    Raises `PoseError`, naming what is missing and what is valid.
+    """
     twice = [name for i, name in enumerate(names) if name in names[:i]]
     if twice:
         raise PoseError(f"more than one column is named {twice[0]!r}")
@@ -63,7 +66,7 @@ def layout(names: Sequence[str], joint_names: Sequence[str]) -> Layout:
     else:
         pose = (*POSITION, *ORIENTATIONS[form])
     _complete(pose, names, VALID)
-    return Layout(form, pose, _start(names, joint_names))
+    return Layout(form, pose, () if joint_names is None else _start(names, joint_names))
 
 
 def _start(names: Sequence[str], joint_names: Sequence[str]) -> tuple[str, ...]:

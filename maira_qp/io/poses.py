@@ -22,7 +22,10 @@ BLOCK = 20_000
 """Poses are made and solved in blocks of so many, which bounds the memory; no answer depends on it."""
 Name = Callable[[int], str]
 """Where the i-th of some rows stands in the file, for a person."""
-ON_PURPOSE = "to take the nearest rotation on purpose: --project"
+ON_PURPOSE = {
+    "python": "to take the nearest rotation on purpose: project=True",
+    "shell": "to take the nearest rotation on purpose: --project",
+}
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,7 @@ def check_format(path: Path) -> None:
 
 def read_poses(
     path: Path,
-    joint_names: Sequence[str],
+    joint_names: Sequence[str] | None,
     *,
     radian: float = 1.0,
     scale: np.ndarray | float = 1.0,
@@ -88,7 +91,7 @@ def read_poses(
 
     Args:
         path: .csv, .npz or .parquet.
-        joint_names: n names, for the columns of the start.
+        joint_names: n names, for the columns of the start; None: no column is one.
         radian: one radian in the unit of the file.
         scale: (n,) one rad or m of each joint in the unit of the file.
         farthest: a coordinate [m] beyond which a position is a mistake.
@@ -104,7 +107,7 @@ def read_poses(
         except PoseError as reason:
             raise reason.at(str(path)) from None
 
-    table = _read(path, choose, joint_names)
+    table = _read(path, choose, joint_names or ())
     valid = np.logical_and.reduce(np.isfinite(table.numbers), axis=1)
     poses = Poses(table, layout(table.names, joint_names), radian, scale, project, valid, np.zeros(len(valid)))
     for rows in blocks(len(poses)):
@@ -158,7 +161,7 @@ def _from_matrices(M: np.ndarray, project: bool, name: Name) -> tuple[np.ndarray
     R = M / np.where(scale > 0, scale, 1.0)
     if not project:
         for i in np.flatnonzero(far)[:1]:
-            raise PoseError(f"{name(i)}: max |R R^T - I| = {deviation[i]:.3g}: not orthonormal; {ON_PURPOSE}")
+            raise PoseError(f"{name(i)}: max |R R^T - I| = {deviation[i]:.3g}: not orthonormal", **ON_PURPOSE)
     U, S, Vt = np.linalg.svd(R[off])
     singular = np.zeros(len(M), dtype=bool)
     singular[off] = S[:, 2] <= 1e-6 * S[:, 0]
@@ -183,6 +186,6 @@ def _from_quaternions(q: np.ndarray, project: bool, name: Name) -> tuple[np.ndar
     if not project:
         for i in np.flatnonzero(deviation > ROUNDED_WITHIN)[:1]:
             raise PoseError(
-                f"{name(i)}: the quaternion's norm is {largest[i] * length[i]:.6g}, not 1 (scalar first); {ON_PURPOSE}"
+                f"{name(i)}: the quaternion's norm is {largest[i] * length[i]:.6g}, not 1 (scalar first)", **ON_PURPOSE
             )
     return np.moveaxis(matrix_from_quaternion((unit / length[:, None]).T), 2, 0), deviation
