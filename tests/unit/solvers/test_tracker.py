@@ -243,6 +243,28 @@ def test_the_speed_limit_is_named_and_is_that_of_the_tracker(maira, start):
     assert "speed limit of" in command.reason
 
 
+def test_a_limited_solver_is_the_one_that_is_made_of_the_limited_robot(maira, start):
+    """With all its parts: collisions, lower tasks, redundancy, backend and options."""
+    keys = {
+        "tasks": [mq.AxisTask(frame="link4", direction=[0, 0, 1], priority=2, gain=0.5)],
+        "limits": [mq.CollisionLimit(margin=0.02)],
+        "redundancy": mq.Strict(mq.Posture()),
+        "backend": "daqp",
+        "options": mq.Options(damping=0.2),
+    }
+    limited = mq.Solver(maira, **keys).limited(velocity=1.0, acceleration=6.0)
+    made = mq.Solver(maira.limited(velocity=1.0, acceleration=6.0), **keys)
+    q, target = start, shifted(maira.forward(start), 0.1, 0.1, -0.2)
+    velocity = np.zeros(7)
+    for _ in range(5):
+        a, b = (solver.step(q, target, 0.02, velocity=velocity) for solver in (limited, made))
+        np.testing.assert_array_equal(a.q, b.q)
+        assert a.backend == b.backend == "daqp"
+        q, velocity = a.q, a.velocity
+    with pytest.raises(OptionError, match="loosen"):
+        limited.limited(velocity=2.0)
+
+
 def test_a_reset_starts_anew(solver, start, maira):
     tracker = mq.Tracker(solver, start, clutch=mq.Clutch())
     tracker.engage()
