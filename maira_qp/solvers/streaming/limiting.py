@@ -18,6 +18,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from maira_qp.kernels.control.active_limits import (
+    ACCELERATION,
+    BRAKING_LOWER,
+    BRAKING_UPPER,
+    LOWER,
+    SPEED,
+    UPPER,
+    active_limits,
+)
 from maira_qp.problem.limits.collision import CollisionLimit
 from maira_qp.problem.limits.joint import KEPT, Tick
 from maira_qp.problem.problem import ACTIVE_WITHIN, Problem
@@ -31,16 +40,23 @@ TO_ROUNDING = 1.0 - 1e-6
 NEARLY = 0.99
 """The same for a row of another limit, which is known to first order."""
 
+WORDS = {
+    LOWER: "lower limit",
+    UPPER: "upper limit",
+    SPEED: "speed limit",
+    BRAKING_LOWER: "braking for the lower limit",
+    BRAKING_UPPER: "braking for the upper limit",
+    ACCELERATION: "acceleration limit",
+}
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Limiting:
-    """The limits of a problem's joints as plain numbers, which for a few joints are faster than arrays."""
+    """The limits that a problem's ticks can be at."""
 
     problem: Problem
-    joints: list[tuple[str, float, float, float, float]]
-    """Name, lower and upper limit [rad or m], and largest speed and acceleration of each joint"""
-    levers: list[float]
-    """What a joint's displacement counts as an angle [rad/rad, or rad/m]"""
+    limits: np.ndarray
+    """(n, 5), see `active_limits`"""
     gain: float
     """The least gain of the tasks of the first level"""
 
@@ -48,22 +64,24 @@ class Limiting:
     def of(problem: Problem) -> Limiting:
         """The limits of a problem's robot."""
         robot = problem.robot
-        limits = robot.lower, robot.upper, robot.velocity_limit, robot.acceleration_limit
-        return Limiting(
-            problem,
-            list(zip(robot.joint_names, *(limit.tolist() for limit in limits), strict=True)),
-            np.where(robot.slides, 1 / robot.length, 1.0).tolist(),
-            min(task.gain for task in problem.tasks),
-        )
+        levers = np.where(robot.slides, 1 / robot.length, 1.0)
+        limits = robot.lower, robot.upper, robot.velocity_limit, robot.acceleration_limit, levers
+        return Limiting(problem, np.stack(limits, axis=1), min(task.gain for task in problem.tasks))
 
     def reason(self, q: np.ndarray, velocity: np.ndarray, step: Step, dt: float, tolerance: tuple[float, float]) -> str:
         """Why a step of dt [s] from q (n,) at a velocity (n,) did not reach its target; empty: it went its whole way.
 
         `tolerance` [m; rad] is what is not reached.
         """
-        v = step.velocity.tolist()
-        found = self._of_joints(q.tolist(), velocity.tolist(), step.q.tolist(), v, dt)
-        found += self._of_further_limits(q, velocity, step, dt)
+        kinds = np.empty(len(q), np.int64)
+        ways = active_limits(self.limits, q, velocity, step.q, step.velocity, dt, ACTIVE_WITHIN, TO_ROUNDING, kinds)
+        joints: dict[int, list[str]] = {}
+        for kind, name in zip(kinds.tolist(), self.problem.robot.joint_names, strict=True):
+            if kind:
+                joints.setdefault(kind, []).append(name)
+        found = [f"{WORDS[kind]} of {', '.join(names)}" for kind, names in joints.items()]
+        if self.problem.additional_limits:
+            found += self._of_further_limits(q, velocity, step, dt)
         if step.status == StepStatus.NEAREST:
             found.insert(0, self._at_rest(step))
         elif step.status == StepStatus.STUCK:
@@ -71,28 +89,8 @@ class Limiting:
         elif self.gain < 1:
             found.append(f"a gain of {self.gain:g} of the task")
         elif not found:
-            found += self._on_the_way(v, step, dt, tolerance)
+            return self._on_the_way(*ways, step, dt, tolerance)
         return "; ".join(found)
-
-    def _of_joints(self, q: list[float], v: list[float], q1: list[float], v1: list[float], dt: float) -> list[str]:
-        """The active limits by kind, with the joints that are at them; from q (n,) and v (n,) to q1 and v1."""
-        found: dict[str, list[str]] = {}
-        for (name, lower, upper, fastest, a), x, before, after, speed in zip(self.joints, q, v, q1, v1, strict=True):
-            room, end = (upper - x, "upper") if speed > 0 else (x - lower, "lower")
-            if after <= lower + ACTIVE_WITHIN:
-                kind = "lower limit"
-            elif after >= upper - ACTIVE_WITHIN:
-                kind = "upper limit"
-            elif abs(speed) >= TO_ROUNDING * fastest:
-                kind = "speed limit"
-            elif speed and a < math.inf and abs(speed) * dt + 0.5 * speed * speed / a >= TO_ROUNDING * room:
-                kind = f"braking for the {end} limit"  # what the tick and braking take is what there is
-            elif abs(speed - before) >= TO_ROUNDING * a * dt:
-                kind = "acceleration limit"
-            else:
-                continue
-            found.setdefault(kind, []).append(name)
-        return [f"{kind} of {', '.join(joints)}" for kind, joints in found.items()]
 
     def _of_further_limits(self, q: np.ndarray, velocity: np.ndarray, step: Step, dt: float) -> list[str]:
         """The limits beside those of the joints of which a row holds with equality, or nearly so."""
@@ -113,23 +111,19 @@ class Limiting:
             return f"at rest {off} from the target: out of reach, or the weighted redundancy's share"
         return f"out of reach by {off}"
 
-    def _on_the_way(self, v: list[float], step: Step, dt: float, tolerance: tuple[float, float]) -> list[str]:
-        """Of an arm that moves with no joint at a limit."""
-        speeds = [abs(each) * lever for each, lever in zip(v, self.levers, strict=True)]
+    def _on_the_way(
+        self, speed: float, longest: float, last: int, step: Step, dt: float, tolerance: tuple[float, float]
+    ) -> str:
+        """Of an arm that moves with no joint at a limit; the first arguments are what `active_limits` returns."""
         position, orientation = step.position_error - tolerance[0], step.orientation_error - tolerance[1]
-        length, way = self.problem.robot.length, sum(speeds) * dt
-        if position <= 0.5 * length * way**2 and orientation <= 0.5 * way**2:
-            return []
-        stopping = [abs(each) / a for each, (*_, a) in zip(v, self.joints, strict=True)]
-        longest = max(stopping)
-        braking = sum(speeds) * longest  # twice what the joints still go while the slowest one stops
-        if position <= length * braking and orientation <= braking:
-            return [
-                f"acceleration limit of {self.joints[stopping.index(longest)][0]}, which has to brake for the target"
-            ]
+        robot, way, braking = self.problem.robot, speed * dt, speed * longest
+        if position <= 0.5 * robot.length * way**2 and orientation <= 0.5 * way**2:
+            return ""
+        if position <= robot.length * braking and orientation <= braking:  # twice the way to a stop
+            return f"acceleration limit of {robot.joint_names[last]}, which has to brake for the target"
         off = _amount(step.position_error, step.orientation_error)
         others = "".join(f" or near a {type(limit).__name__}," for limit in self.problem.additional_limits)
-        return [f"out of reach,{others} or near a singular configuration: {off} from the target"]
+        return f"out of reach,{others} or near a singular configuration: {off} from the target"
 
 
 def _amount(position: float, orientation: float) -> str:

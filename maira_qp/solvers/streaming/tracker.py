@@ -21,7 +21,6 @@ from maira_qp.results.command import Command, command_of
 from maira_qp.results.status import TrackerState
 from maira_qp.solvers.solver import Solver
 from maira_qp.solvers.streaming.clutch import Clutch
-from maira_qp.solvers.streaming.limiting import Limiting
 
 if TYPE_CHECKING:
     from maira_qp.solvers.streaming.hands import Hands
@@ -82,6 +81,7 @@ class Tracker(Shown):
         if clutch is not None and not self._frames:
             raise OptionError("a clutch moves targets, and the solver's tasks take none from the call")
         from maira_qp.solvers.streaming.hands import HandMap  # heavy: Numba comes with it
+        from maira_qp.solvers.streaming.limiting import Limiting
 
         self._solver, self._clutch = solver, clutch
         self._map = HandMap.of(solver.problem, clutch, _positive(max_jump, (2,), "max_jump"))
@@ -112,7 +112,8 @@ class Tracker(Shown):
         target = self._by_frame(T) if self._frames else None
         if target is not None:
             self._map.moved(self._map.anywhere(), target, T)
-        self._solver.step(self._q, target, 1e-3, velocity=self._velocity)
+        step = self._solver.step(self._q, target, 1e-3, velocity=self._velocity)
+        self._limiting.reason(self._q, self._velocity, step, 1e-3, self._tolerance)
 
     @property
     def solver(self) -> Solver:
