@@ -89,7 +89,7 @@ class Limiting:
         elif self.gain < 1:
             found.append(f"a gain of {self.gain:g} of the task")
         elif not found:
-            return self._on_the_way(*ways, step, dt, tolerance)
+            return self._on_the_way(ways, step, dt, tolerance)
         return "; ".join(found)
 
     def _of_further_limits(self, q: np.ndarray, velocity: np.ndarray, step: Step, dt: float) -> list[str]:
@@ -111,10 +111,9 @@ class Limiting:
             return f"at rest {off} from the target: out of reach, or the weighted redundancy's share"
         return f"out of reach by {off}"
 
-    def _on_the_way(
-        self, speed: float, longest: float, last: int, step: Step, dt: float, tolerance: tuple[float, float]
-    ) -> str:
-        """Of an arm that moves with no joint at a limit; the first arguments are what `active_limits` returns."""
+    def _on_the_way(self, ways: tuple[float, float, int], step: Step, dt: float, tolerance: tuple[float, float]) -> str:
+        """Of an arm that moves with no joint at a limit; `ways` is what `active_limits` returns."""
+        speed, longest, last = ways
         position, orientation = step.position_error - tolerance[0], step.orientation_error - tolerance[1]
         robot, way, braking = self.problem.robot, speed * dt, speed * longest
         if position <= 0.5 * robot.length * way**2 and orientation <= 0.5 * way**2:
