@@ -25,17 +25,20 @@ from maira_qp.problem.tasks.relative import RelativePoseTask
 from maira_qp.problem.tasks.swivel import SwivelTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.results.batch import BatchSolution
+from maira_qp.results.command import Command
 from maira_qp.results.path_proof import PathProof
 from maira_qp.results.path_solution import PathFailure, PathSolution
 from maira_qp.results.solution import Solution
 from maira_qp.results.solution_set import ListedSolution, Solutions
-from maira_qp.results.status import Status, StepStatus
+from maira_qp.results.status import Status, StepStatus, TrackerState
 from maira_qp.results.step import Step
 from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from maira_qp.robots.dh.table import DHLink, DHTable
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.ahead import compile
 from maira_qp.solvers.solver import Solver
+from maira_qp.solvers.streaming.clutch import Clutch
+from maira_qp.solvers.streaming.tracker import Tracker
 
 __version__ = "0.1.0"
 
@@ -45,7 +48,9 @@ __all__ = [
     "BatchSolution",
     "Box",
     "Capsule",
+    "Clutch",
     "CollisionLimit",
+    "Command",
     "Cylinder",
     "DHLink",
     "DHTable",
@@ -82,6 +87,8 @@ __all__ = [
     "SwivelTask",
     "Task",
     "Tick",
+    "Tracker",
+    "TrackerState",
     "Weighted",
     "compile",
     "errors",

@@ -85,3 +85,14 @@ class StepStatus(NamedEnum):
     above leave free is larger than `Options.stationarity_tolerance`, and no level is at a saddle point"""
     STUCK = 3
     """At rest though the QPs ask for motion: a QP failed, or no share of the motion that they ask for was safe"""
+
+
+class TrackerState(NamedEnum):
+    """What a `Tracker` does with a target: `Command.state`."""
+
+    FOLLOWING = 0
+    """The tool is at the target within the tracker's `tolerance`, or no limit kept the tick from its whole way to it"""
+    LIMITED = 1
+    """The tool is farther from the target than that, and limits keep it there: `Command.reason` names them"""
+    HOLDING = 2
+    """No target is followed: the arm brakes, or stands; `Command.reason` says why"""

@@ -28,6 +28,7 @@ from maira_qp.problem.targets import SEED_0, rows_of, streams
 from maira_qp.robots.dh.table import DHLink, JointKind
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.solver import Solver
+from maira_qp.solvers.streaming.tracker import Tracker
 
 VERBS = ("solve", "solve_batch", "solutions", "step")
 
@@ -197,7 +198,7 @@ def _solve(robot: Robot) -> None:
 
 def _step() -> None:
     problem = _Problem(Robot.maira())
-    problem.solver.step(problem.start, problem.target, 0.01)
+    Tracker(problem.solver, problem.start)  # which makes a step
 
 
 def _posture_seed() -> None:

@@ -29,7 +29,7 @@ from maira_qp.results.step import Step, step_of
 from maira_qp.solvers.analysis.sensitivity import dq_dtarget
 from maira_qp.solvers.reference.context import Context
 from maira_qp.solvers.reference.engine import ReferenceEngine, residual
-from maira_qp.solvers.reference.step import keeps_further_limits, tick
+from maira_qp.solvers.reference.step import brake, keeps_further_limits, tick
 
 if TYPE_CHECKING:
     from maira_qp.results.certificate import Proof
@@ -334,6 +334,10 @@ class Engines:
         ahead, speed, status = tick(cost, secondary, at, context, now, deadline, keep_direction)
         position, orientation = residual(cost, self.problem.robot.at(ahead))
         return Step(speed, ahead, position, orientation, status, self.backend.name, self)
+
+    def brake(self, q: np.ndarray, now: Tick) -> tuple[np.ndarray, np.ndarray]:
+        """Configuration (n,) and velocity (n,) after a tick that stops the arm, or slows it as much as limits allow."""
+        return brake(self.problem.robot.at(q), self.reference.context, now)
 
     def explain(self, solution: Solution) -> Explanation:
         """Why a solve ended as it did."""

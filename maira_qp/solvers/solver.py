@@ -86,6 +86,14 @@ class Solver(Shown):
             robot, task=task, tasks=tasks, limits=limits, redundancy=redundancy, options=options
         )
         self.engines = Engines.build(self.problem, backend)
+        self._given = {
+            "task": tuple(task) if isinstance(task, list) else task,
+            "tasks": tuple(tasks),
+            "limits": tuple(limits),
+            "redundancy": redundancy,
+            "backend": backend,
+            "options": options,
+        }
 
     @property
     def robot(self) -> Robot:
@@ -116,6 +124,10 @@ class Solver(Shown):
     def backend(self) -> str:
         """Who solves the QPs: "compiled", or the backend's name."""
         return self.engines.name
+
+    def limited(self, **limits: Any) -> Solver:
+        """The same solver for `robot.limited(...)`, with its arguments. Raises `OptionError`."""
+        return Solver(self.robot.limited(**limits), **self._given)
 
     def _card(self) -> Card:
         wish, further = self.redundancy, self.problem.additional_limits

@@ -141,15 +141,31 @@ def tick(
         levels = _slowed(levels, at, context, now)
     displacements = solve_each_level(levels, bounds, context.backend, end)
     dq = np.clip(_safe(models, at, displacements, context, bounds, now), bounds.lower, bounds.upper)
-    inside = (at.q >= robot.lower) & (at.q <= robot.upper)
-    q = robot.kinematics.integrate(at.q, dq)
-    q = np.where(inside, np.clip(q, robot.lower, robot.upper), q)
-    velocity = np.clip(dq / now.dt, -robot.velocity_limit, robot.velocity_limit)
+    q, velocity = _moved(at, dq, robot, now.dt)
     wanted = displacements[-1] if displacements else np.full(at.n, np.inf)
     gradient = max((model.model.gradient for model in models if model.tasks), default=0.0)
     tasks = [task for model in models for task in model.tasks]
     status = _status(tasks, robot.at(q), velocity, wanted / now.dt, gradient, context)
     return q, velocity, status
+
+
+def brake(at: Configuration, context: Context, now: Tick) -> tuple[np.ndarray, np.ndarray]:
+    """Configuration (n,) and velocity (n,) after a tick in which every joint stops, or slows as much as limits allow.
+
+    A joint outside its limits comes back.
+    """
+    return _moved(at, context.bounds(at, now).rest, context.robot, now.dt)
+
+
+def _moved(at: Configuration, dq: np.ndarray, robot: Robot, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Configuration (n,) after a displacement (n,) in a tick of dt [s], and the velocity (n,), both within the limits.
+
+    A joint that began outside its limits may still be there.
+    """
+    inside = (at.q >= robot.lower) & (at.q <= robot.upper)
+    q = robot.kinematics.integrate(at.q, dq)
+    q = np.where(inside, np.clip(q, robot.lower, robot.upper), q)
+    return q, np.clip(dq / dt, -robot.velocity_limit, robot.velocity_limit)
 
 
 def _status(

@@ -83,6 +83,7 @@ def test_without_our_own_passes_the_compiler_gives_the_same_answers(tmp_path):
 
 
 AHEAD = """
+import pickle
 import numpy as np
 import maira_qp as mq
 from support.robots import load
@@ -111,6 +112,13 @@ for robot in (mq.Robot.maira(), load("panda"), load("pr2_arm"), load("ur5")):
         solver.solve_batch([near, far], q0=q, seed=3, threads=2)
         batch[0].condition_number, batch.condition_number
         solver.step(q, near, 0.01)
+        for clutch in (None, mq.Clutch()):
+            tracker = pickle.loads(pickle.dumps(mq.Tracker(solver, q, clutch=clutch)))
+            for T in (near, tracker.update(near.homogeneous, 0.01).target):
+                tracker.update(T, 0.01)
+            if clutch:
+                tracker.engage()
+            tracker.update(near, 0.01)
     solver.solutions(near)
 """
 
