@@ -7,6 +7,9 @@ import math
 from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.layout import Joint
 
+RESERVE = 0.7
+"""As in `problem.limits.joint`."""
+
 
 @kernel
 def bounds_of_tick(tree, q, velocity, dt, lower, upper):
@@ -47,15 +50,30 @@ def braking_displacement(room, change, ahead):
     return min(2.0 * room / (1.0 + math.sqrt(1.0 + x)), room)
 
 
+@device_kernel
+def _stopping_displacement(joint, way, dt):
+    """The largest displacement of a tick from which a joint stops at the end of its way, with a `RESERVE`."""
+    room = braking_displacement(abs(way), RESERVE * joint[Joint.ACCELERATION] * (dt * dt), 0.0)
+    return math.copysign(room, way)
+
+
 @kernel
 def share_to_stop(tree, way, dt):
     """The largest share of the way (n,) that a tick may go so that every joint could stop where the way ends."""
     share = 1.0
     for i in range(len(way)):
-        room = abs(way[i])
-        if room > 0.0:
-            share = min(share, braking_displacement(room, tree[i, Joint.ACCELERATION] * (dt * dt), 0.0) / room)
+        if way[i] != 0.0:
+            share = min(share, _stopping_displacement(tree[i], way[i], dt) / way[i])
     return share
+
+
+@kernel
+def keep_along(tree, way, dt, lower, upper):
+    """Narrow the bounds (n,) of a tick so that joints keep to their way (n,) and could stop at its end."""
+    for i in range(len(way)):
+        if tree[i, Joint.ACCELERATION] < math.inf:
+            stop, low, high = _stopping_displacement(tree[i], way[i], dt), lower[i], upper[i]
+            lower[i], upper[i] = min(max(min(stop, 0.0), low), high), min(max(max(stop, 0.0), low), high)
 
 
 @kernel

@@ -164,9 +164,9 @@ def add_rows(work, level, joints, rank, threshold):
     m = ends[level] - first
     for r in range(m):
         square = 0.0
-        for a in range(n):
-            value = rows[first + r, joints[a]]
-            F[a, rank + r] = value
+        for value in rows[first + r]:
             square += value * value
+        for a in range(n):
+            F[a, rank + r] = rows[first + r, joints[a]]
         longest = max(longest, square)
     return extend(F, n, rank, rank + m, threshold, math.sqrt(longest), work.tau, work.order)

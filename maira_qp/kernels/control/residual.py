@@ -12,7 +12,7 @@ from maira_qp.kernels.linalg.qr_null_space import NONE, null_basis, others, redu
 from maira_qp.kernels.linalg.symmetric_eigen import diagonalise
 
 # as in `solvers.reference.step_models`
-SINGULAR, FILTER, ABOVE, PASSES, NEAR, BENDS, NOTHING = 1e-2, 4, 1e-5, 4, 0.1, 1e-6, 1e-9
+SINGULAR, FILTER, ABOVE, PASSES, NEAR, BENDS, NOTHING = 1e-2, 4, 1e-5, 4, 0.1, 1e-6, 1e-6
 HESSIAN_THRESHOLD = 1e-6
 """As in `problem.qp.costs`."""
 

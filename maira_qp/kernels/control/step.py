@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import math
 
-from maira_qp.kernels.control.displacement_bounds import bounds_of_position, bounds_of_tick, rest_of, share_to_stop
+from maira_qp.kernels.control.displacement_bounds import (
+    bounds_of_position,
+    bounds_of_tick,
+    keep_along,
+    rest_of,
+    share_to_stop,
+)
 from maira_qp.kernels.control.hierarchical_qp import solve_each_level
 from maira_qp.kernels.control.level_models import (
     add_curvature,
@@ -49,7 +55,7 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
     fault = _read_targets(tasks, places, numbers, T, work.targets)
     if fault != FINE:
         return fault
-    lower, upper, step, trial = work.lower, work.upper, work.step, work.trial
+    lower, upper, step, trial, way = work.lower, work.upper, work.step, work.trial, work.way
     level_costs(tree, parents, tasks, places, objectives, work, q, work.values)
     is_bent = False
     for level in range(len(objectives)):
@@ -61,19 +67,24 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
         if level + 1 < len(objectives) and (bends or objectives[level, Level.WEIGHT] != 0.0):
             is_bent = (add_bent_directions(tree, objectives, level, work) and bends) or is_bent
     share, solved = 1.0, len(objectives)
-    for timeless in range(int(numbers[Step.IS_SLOW]), -1, -1):
+    is_slow = int(numbers[Step.IS_SLOW])
+    for timeless in range(is_slow, -1, -1):
         if timeless > 0:
             bounds_of_position(tree, q, lower, upper)
         else:
             bounds_of_tick(tree, q, velocity, dt, lower, upper)
+            if is_slow > 0:
+                share = share_to_stop(tree, way, dt)
+                keep_along(tree, way, dt, lower, upper)
         solved = solve_each_level(objectives, share, work)
-        if timeless > 0 and solved > 0:
-            share = share_to_stop(tree, work.displacements[solved - 1], dt)
-    if not rest_of(lower, upper, step):
+        if not rest_of(lower, upper, step) or timeless < is_slow:
+            for i in range(n):
+                trial[i] = q[i] + step[i]
+            level_costs(tree, parents, tasks, places, objectives, work, trial, work.values)
+        most_loss = math.inf if timeless > 0 else 1.0
+        _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q, solved, most_loss)
         for i in range(n):
-            trial[i] = q[i] + step[i]
-        level_costs(tree, parents, tasks, places, objectives, work, trial, work.values)
-    _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q, solved)
+            way[i] = step[i]
     ahead = out[:n]
     for i in range(n):
         low, high, reach = tree[i, Joint.LOWER], tree[i, Joint.UPPER], tree[i, Joint.VELOCITY]
@@ -105,8 +116,11 @@ def _read_targets(tasks, places, numbers, T, targets):
 
 
 @device_kernel
-def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q, solved):
-    """Add to the `step` what each level adds, shortened until the true costs, `values` those of now, allow it."""
+def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q, solved, most_loss):
+    """Add to the `step` what each level adds, shortened until the true costs, `values` those of now, allow it.
+
+    The levels above may lose up to `most_loss` times what the options let them.
+    """
     displacements, values, trial_values, kept = work.displacements, work.values, work.trial_values, work.kept
     lower, upper, step, part, trial, solved_above = work.lower, work.upper, work.step, work.part, work.trial, work.dq
     n, slack, errors = len(q), numbers[Step.FEASIBILITY], work.errors
@@ -139,12 +153,12 @@ def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q
                 loss = _loss(tasks, places, objectives, numbers, level, work)
                 merit = trial_values[level]
                 row_errors(tasks, places, level, work.ends, work.e, errors)
-                for k in range(rows):
+                for k in range(rows if most_loss < math.inf else 0):
                     merit -= multipliers[k] * (errors[k] - work.errors_there[k])
-                if loss <= 1.0 and merit <= most + share * slope:
+                if loss <= most_loss and merit <= most + share * slope:
                     done = True
                     break
-                if loss > 1.0:
+                if loss > most_loss:
                     shrink = max(0.1, min(0.9 / math.sqrt(loss), 0.8))
             share *= shrink
         if done:

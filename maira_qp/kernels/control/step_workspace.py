@@ -22,7 +22,7 @@ STEP_WORK = Arena(
         **{"gram": "rows, rows", "factor": "rows, rows"},  # of the rows of all levels
         **{"balances": "levels, rows", **dict.fromkeys(("errors", "errors_there", "left", "weights"), "rows")},
         **{"near_poses": "n, 12", "near_tools": "3, 12", "near_rows": "6, n", "near_J": "n, 6"},  # near q
-        "kept": "tasks, 2",  # of errors
+        **{"kept": "tasks, 2", "way": "n"},  # of errors; where the levels would go if there were no time
         **dict.fromkeys(("saddle", "gradients", "left_norms", "flat", "still"), "levels"),
         "row_qp": ROW_QP.floats,
     },

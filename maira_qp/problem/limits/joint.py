@@ -19,6 +19,9 @@ FEASIBILITY = 1e-11
 KEPT = 1e-9
 """A row broken by no more than this, in its own unit, is kept: the rest is rounding."""
 
+RESERVE = 0.7
+"""Share of the acceleration with which a joint plans to stop at the end of its way, which the next tick may shorten."""
+
 DIFFERENCE = 1e-5
 """Step [rad or m] of differences of rows."""
 
@@ -71,6 +74,17 @@ class Bounds:
     def within(self, radius: float) -> Bounds:
         """The same, and every entry of dq at most `radius` > 0 in size (a trust region)."""
         return Bounds(np.clip(self.lower, -radius, 0), np.clip(self.upper, 0, radius), self.G, self.h)
+
+    def along(self, way: np.ndarray, change: np.ndarray) -> Bounds:
+        """The same, and no joint that cannot stop at once goes against its way (n,) or too fast to stop at its end.
+
+        `change` (n,) as in `braking_displacement`. The `rest` stays as it is.
+        """
+        stop, at_once = stopping_displacement(way, change), np.isinf(change)
+        low = np.where(at_once, -np.inf, np.minimum(np.minimum(stop, 0.0), self.rest))
+        high = np.where(at_once, np.inf, np.maximum(np.maximum(stop, 0.0), self.rest))
+        lower, upper = (np.clip(each, self.lower, self.upper) for each in (low, high))
+        return replace(self, lower=lower, upper=upper)
 
 
 class Limit:
@@ -180,6 +194,11 @@ def braking_displacement(room: np.ndarray, change: np.ndarray, ahead: np.ndarray
     too_fast = (ahead > 0) & (np.square(ahead) > 2 * r * c)
     x = np.where(too_fast, np.square(2 * r / np.where(too_fast, ahead, 1.0)), 2 * r / c)
     return np.where(free, np.minimum(2 * r / (1 + np.sqrt(1 + x)), room), room)
+
+
+def stopping_displacement(way: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """The largest displacement (n,) of a tick from which a joint stops at the end of its way (n,), with a `RESERVE`."""
+    return np.sign(way) * braking_displacement(np.abs(way), RESERVE * change)
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,13 @@ shortened until it is safe: until
 What cannot be made safe is left out.
 
 Limits with rows that are broken at the beginning are undone first, by a level above the others; a joint outside its own
-limits comes back because its box says so. With limits on the acceleration a joint that runs at full speed passes its
-goal, however well it can brake. So the tick first looks where the levels would go if there were no time, and then goes
-that way only so fast that every joint could still stop where it ends.
+limits comes back because its box says so.
+
+With limits on the acceleration a joint that runs at full speed passes its goal, however well it can brake. So the tick
+first looks where the levels would go if there were no time, and then goes that way only so fast that every joint could
+still stop where it ends. The way ends where each level's true cost falls, too: far from the nearest point to a target
+out of reach the models ask for whole turns. And each joint keeps to its own part of the way: to make up for others that
+brake too slowly it would gather a speed from which it passes its end, and the arm would swing about the nearest point.
 
 Where limits keep the first level from its motion it does what is nearest by least squares, which may be in another
 direction. To keep the direction instead, the first level becomes two: nothing across the motion that the tasks ask
@@ -32,7 +36,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maira_qp.problem.limits.joint import Bounds, Tick, braking_displacement
+from maira_qp.problem.limits.joint import Bounds, Tick, stopping_displacement
 from maira_qp.problem.options import Options
 from maira_qp.problem.qp.costs import LevelObjective, TaskCost
 from maira_qp.problem.qp.hierarchy import Level, solve_each_level
@@ -138,7 +142,7 @@ def tick(
     models = [*_back_inside(at, context, bounds), *_bent_along_wishes(models, cost, at, context)]
     levels = [model.level for model in models]
     if np.isfinite(robot.acceleration_limit).any():
-        levels = _slowed(levels, at, context, now)
+        levels, bounds = _slowed(models, at, context, now, bounds)
     displacements = solve_each_level(levels, bounds, context.backend, end)
     dq = np.clip(_safe(models, at, displacements, context, bounds, now), bounds.lower, bounds.upper)
     q, velocity = _moved(at, dq, robot, now.dt)
@@ -298,15 +302,15 @@ def _directed(first: LevelObjective, models: Sequence[_Model], at: Configuration
     return [_Model(left_across, (), TickModel(upper, nothing, 0, 0.0), to_first_order=True), below]
 
 
-def _slowed(levels: list[Level], at: Configuration, context: Context, now: Tick) -> list[Level]:
-    """The levels with their pull reduced until every joint can stop where they end."""
-    ends = solve_each_level(levels, context.bounds(at), context.backend)
-    if not ends:
-        return levels
-    way = np.abs(ends[-1])
-    change = context.robot.acceleration_limit * now.dt**2
-    share = np.min(braking_displacement(way, change)[way > 0] / way[way > 0], initial=1.0)
-    return [replace(level, c=share * level.c) for level in levels]
+def _slowed(
+    models: Sequence[_Model], at: Configuration, context: Context, now: Tick, bounds: Bounds
+) -> tuple[list[Level], Bounds]:
+    """The levels with their pull reduced, and the bounds narrowed, until every joint can stop where the levels end."""
+    levels, timeless = [model.level for model in models], context.bounds(at)
+    way = _safe(models, at, solve_each_level(levels, timeless, context.backend), context, timeless)
+    change, moves = context.robot.acceleration_limit * now.dt**2, way != 0
+    share = np.min(stopping_displacement(way, change)[moves] / way[moves], initial=1.0)
+    return [replace(level, c=share * level.c) for level in levels], bounds.along(way, change)
 
 
 def _safe(
@@ -315,13 +319,16 @@ def _safe(
     displacements: Sequence[np.ndarray],
     context: Context,
     bounds: Bounds,
-    now: Tick,
+    now: Tick | None = None,
 ) -> np.ndarray:
-    """The displacement (n,) with each level's part shortened until the true costs and the bent limits allow it."""
+    """The displacement (n,) with each level's part shortened until the true costs and the bent limits allow it.
+
+    Where no time passes, until the level's own cost falls: what the levels above lose there, later ticks make good.
+    """
     dq, solved, kept = bounds.rest, bounds.rest, np.empty(0)
     there = at.moved(dq) if dq.any() else at
-    broken = None
-    if context.is_bent:
+    broken, most_loss = None, math.inf if now is None else 1.0
+    if context.is_bent and now is not None:
         broken = np.maximum(context.violations(at), min(_violations_ahead(there, dq, context, now), key=np.sum))
     for k, displacement in enumerate(displacements):
         model, above, part = models[k], models[:k], displacement - solved
@@ -331,16 +338,18 @@ def _safe(
         solved = displacement
         for _ in range(HALVINGS):
             step, shrink = dq + share * part, 0.5
-            if broken is not None:
+            if broken is not None and now is not None:
                 step = _brought_back(at, step, broken, context, bounds, now)
             if step is not None and bounds.contain(step):
                 trial = at.moved(step)
                 loss = float((_shares(above, trial, context.options) - kept).max(initial=0.0))
-                merit = model.value(trial) - model.model.multipliers @ (_errors(above, trial) - errors)
-                if loss <= 1.0 and merit <= most + share * slope:
+                merit = model.value(trial)
+                if now is not None:
+                    merit -= model.model.multipliers @ (_errors(above, trial) - errors)
+                if loss <= most_loss and merit <= most + share * slope:
                     dq, there = step, trial
                     break
-                if loss > 1.0:  # of second order
+                if loss > most_loss:  # of second order
                     shrink = max(0.1, min(0.9 / math.sqrt(loss), 0.8))
             share *= shrink
         kept = np.concatenate([kept, model.shares(there, context.options)])

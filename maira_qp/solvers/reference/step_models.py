@@ -54,8 +54,8 @@ NEAR = 0.1
 BENDS = 1e-6
 """A share of the error below which what is left of it bends nothing."""
 
-NOTHING = 1e-9
-"""What is left of a weighted error below this [rad] bends nothing either."""
+NOTHING = 1e-6
+"""What is left of a weighted error below this [rad] bends nothing either: a target that near is reached."""
 
 SADDLE, FLAT = 1e-3, 1e-5
 """Shares of |r'| sqrt(max |H|): negative curvature beyond the first is left, curvature below the second is none."""

@@ -8,7 +8,13 @@ from support.compiled_problems import arm, configurations, few, row_of
 from support.robots import TREES
 
 import maira_qp as mq
-from maira_qp.kernels.control.displacement_bounds import bounds_of_position, bounds_of_tick, rest_of, share_to_stop
+from maira_qp.kernels.control.displacement_bounds import (
+    bounds_of_position,
+    bounds_of_tick,
+    keep_along,
+    rest_of,
+    share_to_stop,
+)
 from maira_qp.kernels.kinematics.kinematic_tree import forward, path_jacobian, path_to, place
 from maira_qp.kernels.layout import Joint
 from maira_qp.problem.limits.joint import (
@@ -16,8 +22,8 @@ from maira_qp.problem.limits.joint import (
     PositionLimit,
     Tick,
     VelocityLimit,
-    braking_displacement,
     merge,
+    stopping_displacement,
 )
 from maira_qp.robots.model.arrays import KinematicTree
 
@@ -77,18 +83,22 @@ def test_bounds_are_those_of_the_limits(acceleration, rng):
         q = np.where(rng.random(n) < 0.6, q, rng.choice([robot.lower, robot.upper]) + away)
         v, dt = rng.normal(size=n) * rng.choice([0, 0.1, 10]), (1e-9, 1e-3, 0.01, 0.3)[case % 4]
         bounds_of_tick(tree, q, v, dt, lower, upper)
-        expected = merge(limits, robot.at(q), Tick(dt, v))
+        now = expected = merge(limits, robot.at(q), Tick(dt, v))
         np.testing.assert_allclose(lower, expected.lower, rtol=1e-14, atol=0)
         np.testing.assert_allclose(upper, expected.upper, rtol=1e-14, atol=0)
         assert rest_of(lower, upper, rest) == (not expected.rest.any())
         np.testing.assert_allclose(rest, expected.rest, rtol=1e-14, atol=0)
+        way = 10 ** rng.uniform(-6, 1, n) * rng.choice([-1, 0, 1], n)
+        change = robot.acceleration_limit * dt**2
+        keep_along(tree, way, dt, lower, upper)
+        expected = now.along(way, change)
+        np.testing.assert_allclose(lower, expected.lower, rtol=1e-13, atol=0)
+        np.testing.assert_allclose(upper, expected.upper, rtol=1e-13, atol=0)
+        share = np.min(stopping_displacement(way, change)[way != 0] / way[way != 0], initial=1.0)
+        assert share_to_stop(tree, way, dt) == pytest.approx(share, rel=1e-14)
         bounds_of_position(tree, q, lower, upper)
         expected = merge(limits, robot.at(q))
         np.testing.assert_array_equal([lower, upper], [expected.lower, expected.upper])
-        way = 10 ** rng.uniform(-6, 1, n) * rng.choice([-1, 0, 1], n)
-        allowed = braking_displacement(np.abs(way), robot.acceleration_limit * dt**2)
-        share = np.min(allowed[way != 0] / np.abs(way[way != 0]), initial=1.0)
-        assert share_to_stop(tree, way, dt) == pytest.approx(share, rel=1e-14)
 
 
 def test_a_robot_is_read_as_the_chain_that_it_is():

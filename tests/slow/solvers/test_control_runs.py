@@ -152,6 +152,20 @@ def test_an_arm_that_must_brake_comes_to_rest_too(name, rng):
         assert run.tick(target).position_error < 1e-4
 
 
+@pytest.mark.parametrize("backend", [None, "daqp"])
+@pytest.mark.parametrize("name", ["maira", "iiwa14", "panda"])
+def test_an_arm_that_must_brake_does_not_swing_about_the_nearest_point(name, backend, rng):
+    """Positions out of reach at 1 rad/s^2: at rest for good within 20 s, at the promised 1e-6 of the speed limits."""
+    robot = (mq.Robot.iiwa14() if name == "iiwa14" else robot_of(name)).limited(acceleration=1.0)
+    solver = mq.Solver(robot, task=mq.PositionTask(), backend=backend)
+    for _ in range(6 if backend is None else 1):
+        run = Run(robot, solver, robot.random_configuration(rng), dt=0.02)
+        target = robot.forward(robot.random_configuration(rng))
+        target.translation *= rng.uniform(2, 5) * robot.length / np.linalg.norm(target.translation)
+        assert run.settles(target, 1100, speed=1e-6 * robot.velocity_limit.min())
+        assert run.tick(target).status == mq.StepStatus.NEAREST
+
+
 def test_a_limit_is_reached_and_held_without_chatter(maira):
     """The target stands behind joint 4's limit: the joint arrives at it to the bit, at rest, and stays."""
     q = np.array([0.2, 0.4, 0.0, maira.upper[3] - 0.3, 0.1, 0.6, 0.0])
