@@ -300,14 +300,17 @@ class Engines:
     @property
     def path_refusal(self) -> str:
         """Why no path can be followed with this problem; empty: it can."""
-        return "" if self.compiled is not None else self.refusal
+        if self.compiled is not None:
+            return ""
+        from maira_qp.solvers.paths.free_axis import free_axis
+
+        return self.refusal if free_axis(self.problem) is None else ""
 
     def track(self, targets: Targets, q0: np.ndarray | None, seed: int, rules: Rules) -> PathSolution:
         """Follow the path of N targets, from a start (n,) or any, by some rules, if `path_refusal` is empty."""
         from maira_qp.solvers.paths.track import track  # heavy: Numba comes with it
 
-        assert self.compiled is not None
-        return track(self, self.compiled, targets, q0, seed, rules)
+        return track(self, targets, q0, seed, rules)
 
     def compiled_step(self, q: Any, target: Any, dt: float, velocity: Any) -> Step | None:
         """A tick by the kernel; None if it does not take this, or limits beside those of the joints bind."""

@@ -114,9 +114,10 @@ class Robot(Shown):
         self.length = max(_length(self.model, end, self.drawn_range) for end in ends)
         behind = len(self.model.supports[ends[0].parentJoint])  # the joints before the first tip, and the universe
         self.is_chain = behind == self.model.njoints and not self.kinematics.has_mimic
-        bodies = [f for f in self.model.frames if f.type == pin.FrameType.BODY]
+        named = [self.model.frames[index] for index in frames.values()]
+        named.sort(key=lambda frame: frame.type != pin.FrameType.BODY)  # a joint may carry no link, but another frame
         self.moved_links = tuple(
-            next(f.name for f in bodies if f.parentJoint == joint) for joint in range(1, self.model.njoints)
+            next(f.name for f in named if f.parentJoint == joint) for joint in range(1, self.model.njoints)
         )
 
     @classmethod

@@ -24,13 +24,15 @@ class PathArrays:
     """(N,) which poses of the whole path they are"""
     window: np.ndarray
     """(n,) largest step of each joint from pose to pose of the whole path [rad or m]"""
+    asked: Problem
+    """What was asked: the problem of the arrays, or one whose robot has a joint less, see `free_axis`"""
 
     def __len__(self) -> int:
         return len(self.rows)
 
     @property
     def problem(self) -> Problem:
-        """What is asked at each pose."""
+        """What is solved at each pose."""
         return self.arrays.problem
 
     @property
@@ -70,15 +72,16 @@ class PathArrays:
         """
         q, outcome = _attempted(self.arrays, rows, starts)
         arrived = outcome[:, Outcome.SUCCESS] > 0.0
-        if self.problem.additional_limits:
+        if self.asked.additional_limits:
             arrived[arrived] = self.keeps_limits(q[arrived])
         return q, arrived
 
     def keeps_limits(self, q: np.ndarray) -> np.ndarray:
         """Which (M,) of the configurations (M, n) keep the limits beside those of the joints."""
-        if not self.problem.additional_limits:
+        if not self.asked.additional_limits:
             return np.ones(len(q), dtype=bool)
-        return np.array([not self.problem.limit_violations(self.problem.robot.at(each)) for each in q], dtype=bool)
+        robot = self.asked.robot
+        return np.array([not self.asked.limit_violations(robot.at(each[: robot.n])) for each in q], dtype=bool)
 
     def jacobians(self, q: np.ndarray) -> np.ndarray:
         """The tool's Jacobians (M, m, n), without the rows that the task leaves free."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from maira_qp.problem.problem import Problem
@@ -78,8 +76,3 @@ def open_end(problem: Problem, q: np.ndarray) -> PathFailure | None:
         f"no way was found whose end meets its beginning: {robot.joint_names[joint]} ends {gap[joint]:.3g} {unit} away"
     )
     return PathFailure(len(q) - 1, reason, is_step=True, is_proved=False)
-
-
-def in_order(failures: list[Any]) -> tuple[PathFailure, ...]:
-    """All of them, pose by pose."""
-    return tuple(sorted(failures, key=lambda each: each.index))

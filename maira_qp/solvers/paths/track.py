@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from maira_qp.problem.targets import SEED_0, Targets, seed_words
-from maira_qp.results.path_solution import PathSolution, Rules
+from maira_qp.results.path_solution import PathFailure, PathSolution, Rules
 from maira_qp.results.solution import Solution
-from maira_qp.solvers.compiled.problem_arrays import ProblemArrays
 from maira_qp.solvers.paths.continuity import is_continuous
 from maira_qp.solvers.paths.corridor import filled, largest_steps, smoothed
 from maira_qp.solvers.paths.descents import PathArrays
-from maira_qp.solvers.paths.failures import ROUNDING, broken, in_order, missed, open_end
+from maira_qp.solvers.paths.failures import ROUNDING, broken, missed, open_end
+from maira_qp.solvers.paths.free_axis import free_axis, start_with_joint, with_joint, without_turning
 from maira_qp.solvers.paths.layers import Density, layer_indices, layers_of
 from maira_qp.solvers.paths.line import Edge, Line, best_line
 
@@ -41,30 +41,47 @@ CALM = 4.0
 """A line whose largest step is at most so many times the mean step is not sought again in finer layers."""
 
 
-def track(
-    engines: Any, arrays: ProblemArrays, targets: Targets, q0: np.ndarray | None, seed: int, rules: Rules
-) -> PathSolution:
+def track(asked: Any, targets: Targets, q0: np.ndarray | None, seed: int, rules: Rules) -> PathSolution:
     """Follow the path of N targets from a start (n,), or from any, by some rules.
 
-    `engines` solve for single poses, see `solvers.dispatch`. Poses that nothing was found to reach divide the path:
-    each part between them is followed by itself.
+    `asked` are the engines of the problem, see `solvers.dispatch`. Poses that nothing was found to reach divide the
+    path: each part between them is followed by itself.
     """
+    engines, targets, start, step = _at_whole_poses(asked, targets, q0, rules)
     rows, count = np.ascontiguousarray(targets.rows[:, 0]), len(targets)
-    path, rng = PathArrays(arrays, rows, np.arange(count), rules.step), np.random.default_rng(seed)
-    start = engines.solve(targets.poses(0), q0, SEED_0) if q0 is not None and count else None
-    by_knots = _followed_by_knots(engines, path, targets, start, seed, rules.loop, rng)
+    path = PathArrays(engines.compiled, rows, np.arange(count), step, asked.problem)
+    rng, first = np.random.default_rng(seed), None
+    if start is not None and count:
+        first = engines.solve(targets.poses(0), start, SEED_0)
+    by_knots = _followed_by_knots(engines, path, targets, first, seed, rules.loop, rng)
     if by_knots is not None:
-        solution = _judged(engines, path, targets, by_knots, rules, {})
-        if not solution.failures:
-            return solution
-    (q, reached), others = _alone(engines, targets, start, np.arange(count), seed), dict[int, Solution]()
+        failures = _failures(engines, path, targets, by_knots, rules, {})
+        if not failures:
+            return _judged(asked, path, by_knots, rules, failures)
+    (q, reached), others = _alone(engines, targets, first, np.arange(count), seed), dict[int, Solution]()
     for begin, end in runs(reached):
-        part, is_start_given = path.some(slice(begin, end)), begin == 0 and q0 is not None
+        part, is_start_given = path.some(slice(begin, end)), begin == 0 and first is not None
         q[begin:end] = follow(part, q[begin:end], is_start_given, rules.loop and end - begin == count, rng)
     for k in np.flatnonzero(~reached).tolist():
-        others[k] = engines.solve(targets.poses(k), q[k - 1] if k else q0, SEED_0)
+        others[k] = engines.solve(targets.poses(k), q[k - 1] if k else start, SEED_0)
         q[k] = others[k].q
-    return _judged(engines, path, targets, q, rules, others)
+    return _judged(asked, path, q, rules, _failures(engines, path, targets, q, rules, others))
+
+
+def _at_whole_poses(
+    asked: Any, targets: Targets, q0: np.ndarray | None, rules: Rules
+) -> tuple[Any, Targets, np.ndarray | None, np.ndarray]:
+    """The engines that solve, their targets, start and steps: of an arm with a joint more where the tool may turn."""
+    if asked.compiled is not None:
+        return asked, targets, q0, rules.step
+    axis = free_axis(asked.problem)
+    assert axis is not None
+    engines = type(asked).build(with_joint(asked.problem, axis))
+    if len(targets):
+        targets = without_turning(targets, axis, rules.loop)
+        if q0 is not None:
+            q0 = start_with_joint(asked.problem.robot, q0, next(iter(targets.poses(0).values())), axis)
+    return engines, targets, q0, np.append(rules.step, np.inf)
 
 
 def _alone(engines: Any, targets: Targets, start: Any, which: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -95,24 +112,36 @@ def _followed_by_knots(
     return filled(path, knots, follow(path.some(knots), known, start is not None, is_loop, rng))[0]
 
 
-def _judged(
+def _reached(path: PathArrays, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Errors (N, 2) [m, rad] by a fresh forward kinematics of each of q (N, n), and which of them reach their poses."""
+    errors = path.errors(path.rows, q)
+    return errors, np.asarray(path.problem.is_reached(*errors.T)) & path.keeps_limits(q)
+
+
+def _failures(
     engines: Any, path: PathArrays, targets: Targets, q: np.ndarray, rules: Rules, others: dict[int, Solution]
-) -> PathSolution:
-    """The result, by a fresh forward kinematics of each configuration (N, n); `others` are those that reach no pose."""
-    problem = path.problem
-    position, orientation = path.errors(path.rows, q).T
-    reached = np.asarray(problem.is_reached(position, orientation)) & path.keeps_limits(q)
-    failures = []
+) -> tuple[PathFailure, ...]:
+    """Where configurations (N, n) do not follow the path; `others` are solutions for poses that are not reached."""
+    reached, found, asked = _reached(path, q)[1], list[PathFailure](), path.asked
     for k in np.flatnonzero(~reached).tolist():
-        failures.append(missed(k, others[k] if k in others else engines.solve(targets.poses(k), q[k], SEED_0)))
-    both = reached[:-1] & reached[1:]
-    leads = largest_steps(path, q) <= 1.0 + ROUNDING
+        found.append(missed(k, others[k] if k in others else engines.solve(targets.poses(k), q[k], SEED_0)))
+    both, leads = reached[:-1] & reached[1:], largest_steps(path, q) <= 1.0 + ROUNDING
     if (both & leads).any():
         leads[both & leads] = is_continuous(path, q)[both & leads]
-    failures += [broken(problem, q, k + 1, rules) for k in np.flatnonzero(both & ~leads).tolist()]
-    if rules.loop and len(q) and (end := open_end(problem, q)) is not None:
-        failures.append(end)
-    return PathSolution(q, reached, position, orientation, rules, in_order(failures), path.rows, engines)
+    own = q[:, : asked.robot.n]
+    found += [broken(asked, own, k + 1, rules) for k in np.flatnonzero(both & ~leads).tolist()]
+    if rules.loop and len(q) and (end := open_end(asked, own)) is not None:
+        found.append(end)
+    return tuple(sorted(found, key=lambda each: each.index))
+
+
+def _judged(
+    asked: Any, path: PathArrays, q: np.ndarray, rules: Rules, failures: tuple[PathFailure, ...]
+) -> PathSolution:
+    """The result for configurations (N, n), of which the joints that were asked for are given."""
+    errors, reached = _reached(path, q)
+    own = np.ascontiguousarray(q[:, : path.asked.robot.n])
+    return PathSolution(own, reached, errors[:, 0], errors[:, 1], rules, failures, path.rows, asked)
 
 
 def follow(

@@ -93,7 +93,7 @@ def test_an_elbow_does_not_flip_between_two_poses():
     bent = np.array([[0.2, -0.4], [0.21, -0.41], [0.21 - 0.41, 0.41]])
     targets = poses_along(robot, bent)
     np.testing.assert_allclose(targets[1, :3, 3], targets[2, :3, 3], atol=1e-12)
-    path = PathArrays(solver.engines.compiled, rows_of(targets)[0], np.arange(3), np.full(2, 0.5))
+    path = PathArrays(solver.engines.compiled, rows_of(targets)[0], np.arange(3), np.full(2, 0.5), solver.problem)
     assert is_continuous(path, bent).tolist() == [True, False]
 
 
@@ -304,6 +304,39 @@ def test_parts_are_what_is_followed():
     for begin, end in path.parts:
         assert largest_step(path.q[begin:end]) < 0.5
     assert any(failure.is_proved for failure in path.failures)
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("name", ["ur5_limited", "kr210", "maira"])
+def test_a_tool_that_may_turn_about_its_axis(name, axis):
+    """The poses of a motion, each turned about an axis of the tool at random: turned back, the arm has done it."""
+    robot, rng = arm(name), np.random.default_rng(axis)
+    weights = np.where(np.arange(3) == axis, 0.0, 1.0)
+    solver = mq.Solver(robot, task=mq.PoseTask(orientation_weight=weights, axes="target"))
+    motion, direction = smooth_motion(robot, rng, 60), np.eye(3)[axis]
+    turns = [pin.SE3(pin.exp3(angle * direction), np.zeros(3)).homogeneous for angle in rng.uniform(-3, 3, 60)]
+    targets = poses_along(robot, motion) @ np.array(turns)
+    for q0 in (None, motion[0]):
+        path = solver.track(targets, q0=q0)
+        assert path, path.reason
+        assert path.q.shape == motion.shape
+        assert largest_step(path.q) < min(0.5, 4 * largest_step(motion))
+        assert ((path.q >= robot.lower) & (path.q <= robot.upper)).all()
+        for q, target in zip(path.q, targets, strict=True):
+            tool = robot.forward(q)
+            assert np.linalg.norm(tool.translation - target[:3, 3]) < 1.1e-6
+            assert np.linalg.norm(tool.rotation[:, axis] - target[:3, axis]) < 1.1e-6
+    np.testing.assert_allclose(path.q[0], motion[0], atol=1e-6)
+    assert not mq.Solver(robot).track(targets)
+
+
+def test_further_limits_hold_where_the_tool_may_turn():
+    robot = mq.Robot.maira()
+    task, limit = mq.PoseTask(orientation_weight=[1, 1, 0], axes="target"), mq.LinearLimit(np.eye(7)[2:3], [0.3])
+    path = mq.Solver(robot, task=task, limits=[limit]).track(circle(60), loop=True)
+    assert path, path.reason
+    assert path.q[:, 2].max() <= 0.3 + 1e-9
+    assert path.joint_names == robot.joint_names
 
 
 def test_an_empty_path_can_be_looked_at():
