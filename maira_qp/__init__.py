@@ -30,6 +30,7 @@ from maira_qp.results.solution import Solution
 from maira_qp.results.solution_set import ListedSolution, Solutions
 from maira_qp.results.status import Status, StepStatus
 from maira_qp.results.step import Step
+from maira_qp.results.trajectory import Trajectory
 from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from maira_qp.robots.dh.table import DHLink, DHTable
 from maira_qp.robots.model.robot import Robot
@@ -79,6 +80,7 @@ __all__ = [
     "SwivelTask",
     "Task",
     "Tick",
+    "Trajectory",
     "Weighted",
     "compile",
     "errors",

@@ -38,6 +38,7 @@ EXTRAS = {
     "plot": ("matplotlib", "PIL"),
     "parquet": ("pyarrow",),
     "view": ("viser",),
+    "time": ("toppra", "ruckig"),
     "closed-form": ("eaik",),
     "qp": ("piqp", "clarabel"),
 }

@@ -32,6 +32,10 @@ class Origin(Protocol):
         """See `Solution.proof`."""
         ...
 
+    def timed(self, path: Any, **limits: Any) -> Any:
+        """See `PathSolution.timed`."""
+        ...
+
 
 class OfProblem(Shown):
     """What is known of the joints. A pickle holds it in place of the robot."""
