@@ -8,6 +8,7 @@ solution = solver.solve(mq.pose([0.4, 0.2, 0.9], quaternion=[1, 0, 0, 0]))
 """
 
 from maira_qp import errors
+from maira_qp.io.save import save
 from maira_qp.orientation import pose_error
 from maira_qp.problem.limits.collision import CollisionLimit
 from maira_qp.problem.limits.joint import Limit, LinearLimit, Tick
@@ -86,4 +87,5 @@ __all__ = [
     "errors",
     "pose",
     "pose_error",
+    "save",
 ]

@@ -39,6 +39,7 @@ EXTRAS = {
     "parquet": ("pyarrow",),
     "view": ("viser",),
     "time": ("toppra", "ruckig"),
+    "rerun": ("rerun",),
     "closed-form": ("eaik",),
     "qp": ("piqp", "clarabel"),
 }
