@@ -36,9 +36,10 @@ DESCRIPTION = """Constrained inverse kinematics by quadratic programming.
 
 Lengths are in m, angles in rad (solve, track and fk: in deg with --deg), times in s; quaternions are W X Y Z.
 
-Exit codes: 0 done, and for solve: solved, for track: followed whole; 1 not, what was found is printed; 3 proved to be
-out of reach; 4 neither, the budget was spent; of doctor: 1 something is at fault; 2 misuse, told on stderr;
-130 interrupted; 141 the reader of the output went away before the verdict was known; 143 terminated.
+Exit codes: 0 done, and for solve: solved, for track: followed whole; 1 not solved, the nearest found is printed, or not
+followed whole; 3 proved to be out of reach; 4 neither, the budget was spent; of doctor: 1 something is at fault;
+2 misuse, told on stderr; 130 interrupted; 141 the reader of the output went away before the verdict was known;
+143 terminated.
 
 maira-qp --version prints the version; maira-qp --tyro-print-completion bash (zsh, fish) prints shell completions."""
 

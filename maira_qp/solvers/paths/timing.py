@@ -191,7 +191,7 @@ def _quickest(robot: Robot, limits: MotionLimits, u: np.ndarray, q: np.ndarray) 
 def _by_toppra(robot: Robot, limits: MotionLimits, u: np.ndarray, q: np.ndarray) -> Motion:
     """Time-optimal on a grid of places, then stretched until the limits hold between these too.
 
-    toppra's tolerances are absolute: it is given a curve of length 1 that takes about a second.
+    toppra's tolerances are absolute: it is given a curve of length 1 that takes about a second, accelerations up to 1.
     """
     toppra = _module("toppra")
     u = u / u[-1]
@@ -200,15 +200,16 @@ def _by_toppra(robot: Robot, limits: MotionLimits, u: np.ndarray, q: np.ndarray)
     speeds = np.abs(curve(grid, 1))
     second = float((speeds / limits.velocity).max())  # the time unit: the quickest at constant speed
     second = max(second, float(np.sqrt((speeds / limits.acceleration).max())))
-    rates, changes = limits.velocity * second, limits.acceleration * second**2
+    unit = limits.acceleration * second**2
+    rates, changes = limits.velocity * second / unit, np.ones(robot.n)
     constraints = [
         toppra.constraint.JointVelocityConstraint(np.column_stack([-rates, rates])),
         toppra.constraint.JointAccelerationConstraint(np.column_stack([-changes, changes])),
     ]
     if limits.tool_speed is not None:
-        largest = limits.tool_speed * second / np.maximum(tool_speeds(robot, curve(grid), curve(grid, 1)), 1e-6)
+        largest = limits.tool_speed * second / np.maximum(tool_speeds(robot, curve(grid), curve(grid, 1)), 1e-12)
         constraints.append(_largest_speeds(toppra, largest))
-    program = toppra.algorithm.TOPPRA(constraints, _Path(curve), gridpoints=grid, solver_wrapper="seidel")
+    program = toppra.algorithm.TOPPRA(constraints, _Path(curve, unit), gridpoints=grid, solver_wrapper="seidel")
     program.compute_parameterization(0.0, 0.0)
     v = program.problem_data.sd_vec
     if v is None or not np.isfinite(v).all() or not (v[1:] + v[:-1] > 0.0).all():
@@ -221,13 +222,13 @@ def _by_toppra(robot: Robot, limits: MotionLimits, u: np.ndarray, q: np.ndarray)
 
 
 class _Path:
-    """A curve as toppra asks for it."""
+    """A curve as toppra asks for it, each joint in a unit (n,) of its own."""
 
-    def __init__(self, curve: CubicHermiteSpline) -> None:
-        self.curve, self.path_interval, self.dof = curve, curve.x[[0, -1]], curve.c.shape[2]
+    def __init__(self, curve: CubicHermiteSpline, unit: np.ndarray) -> None:
+        self.curve, self.unit, self.path_interval, self.dof = curve, unit, curve.x[[0, -1]], len(unit)
 
     def __call__(self, places: np.ndarray, order: int = 0) -> np.ndarray:
-        return self.curve(places, order)
+        return self.curve(places, order) / self.unit
 
 
 def _largest_speeds(toppra: Any, largest: np.ndarray) -> Any:
@@ -239,17 +240,23 @@ def _largest_speeds(toppra: Any, largest: np.ndarray) -> Any:
 
 
 def _by_ruckig(robot: Robot, limits: MotionLimits, jerk: np.ndarray, u: np.ndarray, q: np.ndarray) -> Motion:
-    """One law for all of a curve through configurations (K, n) at places (K,), stretched to use the limits up."""
-    ruckig, curve = _module("ruckig"), curve_through(u, q, robot)
+    """One law for all of a curve through configurations (K, n) at places (K,), stretched to use the limits up.
+
+    As toppra, ruckig is given a curve of length 1 that takes about a second.
+    """
+    ruckig, u = _module("ruckig"), u / u[-1]
+    curve = curve_through(u, q, robot)
     places = (u[:-1, None] + WITHIN * np.diff(u)[:, None]).ravel()
     with np.errstate(divide="ignore"):
         one, two, three = (1.0 / np.abs(curve(places, k)).max(axis=0) for k in (1, 2, 3))
     fast, change = limits.velocity, limits.acceleration
     v = min((fast * one).min(), np.sqrt((change * two / 2.0).min()), np.cbrt((jerk * three / 3.0).min()))
     a = min((change * one / 2.0).min(), (jerk * two / (9.0 * v)).min())
+    j = float((jerk * one / 3.0).min())
+    second = max(1.0 / v, a**-0.5, j ** (-1.0 / 3.0))
     asked = ruckig.InputParameter(1)
-    asked.target_position, asked.max_velocity, asked.max_acceleration = [u[-1]], [v], [a]
-    asked.max_jerk = [(jerk * one / 3.0).min()]
+    asked.target_position, asked.max_velocity = [1.0], [v * second]
+    asked.max_acceleration, asked.max_jerk = [a * second**2], [j * second**3]
     found = ruckig.Trajectory(1)
     ruckig.Ruckig(1).calculate(asked, found)
     profile = found.profiles[0][0]
@@ -257,7 +264,7 @@ def _by_ruckig(robot: Robot, limits: MotionLimits, jerk: np.ndarray, u: np.ndarr
     phases = np.flatnonzero(np.diff(times) > 0.0)
     c = np.array([np.divide(profile.j, 6.0), np.divide(profile.a[:7], 2.0), profile.v[:7], profile.p[:7]])
     law = PPoly(c[:, phases], np.append(times[phases], times[-1]))
-    motion = Motion(curve, law, limits, robot)
+    motion = Motion(curve, law, limits, robot).slower(second)
     return motion.slower(MARGIN * motion.excess())
 
 

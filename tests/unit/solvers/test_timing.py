@@ -169,12 +169,25 @@ def test_poses_that_are_repeated_or_nearly_do_not_stop_the_arm():
     assert (np.diff(again.pose_times) >= 0).all()
 
 
-@pytest.mark.parametrize("size", [1e-9, 1e-4])
-def test_short_paths_are_timed_too(size):
+@pytest.mark.parametrize("size", [1e-12, 1e-9, 1e-4])
+def test_short_paths_take_as_long_as_the_closed_form_says(size):
+    """From rest to rest over L, limited by the acceleration: 2 sqrt(L / a); by the jerk: cbrt(32 L / j)."""
     q = ARM.middle + size * np.linspace(0.0, 1.0, 20)[:, None] * np.ones(7)
-    t = followed(ARM, q).timed(acceleration=3.0, dt=1e-4)
-    assert t.duration <= 2.0 * np.sqrt(size / 3.0) * 1.01 + 1e-4
-    np.testing.assert_allclose(t.q[-1], q[-1], atol=1e-12)
+    for limits, duration in (({}, 2.0 * np.sqrt(size / 1e-3)), ({"jerk": 1e-3}, np.cbrt(32.0 * size / 1e-3))):
+        t = followed(ARM, q).timed(acceleration=1e-3, dt=duration / 64.0, **limits)
+        assert duration * (1.0 - 1e-3) <= t.duration <= duration * (1.0 + 2.0 / 64.0)
+        np.testing.assert_allclose(t.q[-1], q[-1], atol=1e-15)
+
+
+def test_a_path_with_corners_and_noise_keeps_its_limits():
+    """Whatever a path looks like, it is timed; what its curve costs the tool is reported."""
+    rng = np.random.default_rng(4)
+    there = ARM.middle + 0.5 * np.linspace(0.0, 1.0, 40)[:, None] * np.ones(7)
+    for q in (ARM.middle + rng.uniform(-0.3, 0.3, (30, 7)), np.concatenate([there, there[::-1]])):
+        for jerk in (None, 40.0):
+            t = followed(ARM, q).timed(acceleration=4.0, jerk=jerk, dt=DT)
+            check(t, q, ARM.velocity_limit, 4.0, jerk)
+            assert t.position_deviation.value > 0.0
 
 
 def test_a_path_with_a_gap_is_refused_or_its_longest_part_is_timed():
