@@ -292,7 +292,9 @@ def test_a_path_picture_shows_what_was_followed(maira):
     swivel = made.axes[-1].lines[0].get_xydata()
     bars = made.axes[-1].patches
     assert len(swivel) == 12
-    for x, psi in swivel:
+    for q, (x, psi) in zip(path.q, swivel, strict=True):
+        turned = SRS.of(maira).configurations(maira.forward(q), np.radians(psi)) - q
+        assert np.abs(np.remainder(turned + np.pi, 2 * np.pi) - np.pi).max(axis=1).min() < 1e-5
         here = [bar for bar in bars if np.isclose(bar.get_x(), x)]
         assert any(bar.get_y() - 1e-6 <= psi <= bar.get_y() + bar.get_height() + 1e-6 for bar in here)
     trajectory = path.timed(acceleration=5.0)
