@@ -76,7 +76,8 @@ class Trajectory(OfProblem):
     pose_times: np.ndarray
     """(P,) times at which the poses from there on are passed [s]"""
     position_deviation: Deviation
-    """Of the tool from the straight lines between the path's poses [m], by a fresh forward kinematics"""
+    """Of the tool from the straight lines between the path's poses [m], by a fresh forward kinematics. The poses are
+    those of `PathSolution.q`, which are off the targets by its errors."""
     orientation_deviation: Deviation
     """Of the tool from the shortest rotations between the path's poses [rad]"""
     limits: MotionLimits

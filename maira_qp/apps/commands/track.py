@@ -117,6 +117,8 @@ class Track:
         given = [f"--{name.replace('_', '-')}" for name, value in of_timing.items() if value is not None]
         if given and not self.timed:
             raise OptionError(f"{' and '.join(given)} only {'counts' if len(given) == 1 else 'count'} with --timed")
+        if not 0 < self.sample_time < np.inf:
+            raise OptionError(f"--sample-time must be a positive number of seconds, got {self.sample_time}")
 
     def _read(self, robot: Robot, angles: Angles) -> Poses:
         """The poses. Raises `PoseError` for a row without one, and for a file without rows."""

@@ -145,8 +145,9 @@ def _limits(robot: Robot, velocity: Any, acceleration: Any, jerk: Any, tool_spee
     for name in ("velocity", "acceleration"):
         for i in np.flatnonzero(np.isinf(getattr(limited, f"{name}_limit"))):
             raise OptionError(
-                f"the robot has no limit of the {name} of {robot.joint_names[i]!r}: give timed({name}=...), "
-                "a number, one for each joint, or {joint name: value}"
+                f"the robot has no limit of the {name} of {robot.joint_names[i]!r}",
+                python=f"give timed({name}=...), a number, one for each joint, or {{joint name: value}}",
+                shell=f"give --{name}, one for all joints or one each",
             )
     if jerk is not None:
         shape = () if is_number(jerk) else (robot.n,)

@@ -184,7 +184,8 @@ def test_a_file_that_is_no_path_is_refused_with_its_line(run, line, content, wor
     ("arguments", "words"),
     [
         (["--acceleration", 5], "--acceleration only counts with --timed"),
-        (["--timed"], "no limit of the acceleration"),
+        (["--timed"], "no limit of the acceleration of 'joint1'; give --acceleration"),
+        (["--timed", "--acceleration", 5, "--sample-time", 0], "--sample-time must be a positive number"),
         (["--timed", "--acceleration", 1, 2], "--acceleration: give 7 joint values"),
         (["--timed", "--acceleration", 5, "--jerk", 0], "jerk must be positive"),
         (["--dt", 0], "--dt must be a positive number"),

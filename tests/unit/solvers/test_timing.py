@@ -222,7 +222,7 @@ def test_a_path_of_which_nothing_is_reached_is_refused():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({}, "no limit of the acceleration of 'joint1': give timed"),
+        ({}, "no limit of the acceleration of 'joint1'; give timed"),
         ({"acceleration": -1.0}, "acceleration limit must be positive"),
         ({"acceleration": np.nan}, "acceleration must not be NaN"),
         ({"acceleration": [1.0, 2.0]}, "acceleration must be real numbers of shape"),
