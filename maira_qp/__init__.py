@@ -8,6 +8,7 @@ solution = solver.solve(mq.pose([0.4, 0.2, 0.9], quaternion=[1, 0, 0, 0]))
 """
 
 from maira_qp import errors, paths
+from maira_qp.io.save import save
 from maira_qp.orientation import pose_error
 from maira_qp.problem.limits.collision import CollisionLimit
 from maira_qp.problem.limits.joint import Limit, LinearLimit, Tick
@@ -32,6 +33,7 @@ from maira_qp.results.solution import Solution
 from maira_qp.results.solution_set import ListedSolution, Solutions
 from maira_qp.results.status import Status, StepStatus, TrackerState
 from maira_qp.results.step import Step
+from maira_qp.results.trajectory import Trajectory
 from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from maira_qp.robots.dh.table import DHLink, DHTable
 from maira_qp.robots.model.robot import Robot
@@ -89,10 +91,12 @@ __all__ = [
     "Tick",
     "Tracker",
     "TrackerState",
+    "Trajectory",
     "Weighted",
     "compile",
     "errors",
     "paths",
     "pose",
     "pose_error",
+    "save",
 ]

@@ -22,6 +22,7 @@ from maira_qp.apps.commands.doctor import Doctor
 from maira_qp.apps.commands.fk import Fk
 from maira_qp.apps.commands.plot import Pictures, Plot
 from maira_qp.apps.commands.solve import Solve
+from maira_qp.apps.commands.track import Track
 from maira_qp.apps.commands.urdf import Urdf
 from maira_qp.apps.commands.view import View
 from maira_qp.apps.left_pipes import drop_output
@@ -33,16 +34,18 @@ PIPE_CLOSED = 141
 
 DESCRIPTION = """Constrained inverse kinematics by quadratic programming.
 
-Lengths are in m, angles in rad (solve and fk: in deg with --deg), times in s; quaternions are W X Y Z.
+Lengths are in m, angles in rad (solve, track and fk: in deg with --deg), times in s; quaternions are W X Y Z.
 
-Exit codes: 0 done, and for solve: solved; 1 not solved, the nearest found is printed; 3 proved to be out of reach;
-4 neither, the budget was spent; of doctor: 1 something is at fault; 2 misuse, told on stderr; 130 interrupted; 141 the
-reader of the output went away before the verdict was known; 143 terminated.
+Exit codes: 0 done, and for solve: solved, for track: followed whole; 1 not solved, the nearest found is printed, or not
+followed whole; 3 proved to be out of reach; 4 neither, the budget was spent; of doctor: 1 something is at fault;
+2 misuse, told on stderr; 130 interrupted; 141 the reader of the output went away before the verdict was known;
+143 terminated.
 
 maira-qp --version prints the version; maira-qp --tyro-print-completion bash (zsh, fish) prints shell completions."""
 
 Command = (
     Annotated[Solve, tyro.conf.subcommand("solve")]
+    | Annotated[Track, tyro.conf.subcommand("track")]
     | Annotated[Fk, tyro.conf.subcommand("fk")]
     | Annotated[Urdf, tyro.conf.subcommand("urdf")]
     | Annotated[Compare, tyro.conf.subcommand("compare")]

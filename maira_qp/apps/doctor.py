@@ -38,6 +38,8 @@ EXTRAS = {
     "plot": ("matplotlib", "PIL"),
     "parquet": ("pyarrow",),
     "view": ("viser",),
+    "time": ("toppra", "ruckig"),
+    "rerun": ("rerun",),
     "closed-form": ("eaik",),
     "qp": ("piqp", "clarabel"),
 }

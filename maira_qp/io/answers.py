@@ -45,6 +45,16 @@ def _columns(batch: BatchSolution) -> dict[str, np.ndarray]:
 def check_output(path: Path, table: Table, joint_names: Sequence[str]) -> None:
     """Before a long run: whether the answers can go there, beside what was asked. Raises `OptionError`."""
     check_format(path)
+    check_place(path, table)
+    whole = path.suffix.lower() == ".npz"
+    asked = table.arrays if whole and isinstance(table, NpzTable) else table.names
+    for name in _names(whole, joint_names):
+        if name in asked:
+            raise OptionError(f"{table.path} has {name!r} already, which is a name of an answer; rename or remove it")
+
+
+def check_place(path: Path, table: Table) -> None:
+    """Before a long run: whether a file can be written there that is not that of the table. Raises `OptionError`."""
     folder = next(each for each in path.absolute().parents if each.exists())
     if path.exists() and not path.is_file():
         raise OptionError(f"{path} is no file that can be replaced")
@@ -52,11 +62,6 @@ def check_output(path: Path, table: Table, joint_names: Sequence[str]) -> None:
         raise OptionError(f"{path} cannot be written: {folder} is no folder that can be written to")
     if path.exists() and path.samefile(table.path):
         raise OptionError(f"{path} is the file of the poses; name another one with --output")
-    whole = path.suffix.lower() == ".npz"
-    asked = table.arrays if whole and isinstance(table, NpzTable) else table.names
-    for name in _names(whole, joint_names):
-        if name in asked:
-            raise OptionError(f"{table.path} has {name!r} already, which is a name of an answer; rename or remove it")
 
 
 def write_answers(path: Path, table: Table, answers: Mapping[str, np.ndarray], joint_names: Sequence[str]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,26 @@ class Table(ABC):
     @abstractmethod
     def columns(self, rows: slice = ALL) -> dict[str, Any]:
         """All columns by name, each an array or a list, of some rows."""
+
+
+class ColumnTable(Table):
+    """Columns (N,) in memory, by name."""
+
+    def __init__(self, columns: Mapping[str, np.ndarray]) -> None:
+        """All of them are of one length."""
+        self._columns = columns
+        self.names = list(columns)
+
+    def __len__(self) -> int:
+        return len(next(iter(self._columns.values()), ()))
+
+    def where(self, row: int) -> str:
+        """Its index."""
+        return f"row {row} (counted from 0)"
+
+    def columns(self, rows: slice = ALL) -> dict[str, Any]:
+        """Views of the arrays."""
+        return {name: column[rows] for name, column in self._columns.items()}
 
 
 def one_line(reason: BaseException) -> str:

@@ -9,7 +9,9 @@ import numpy as np
 
 from maira_qp.arrays import plain
 from maira_qp.display import Shown
+from maira_qp.errors import OptionError
 from maira_qp.problem.problem import Problem
+from maira_qp.robots.model.robot import Robot
 
 
 class Origin(Protocol):
@@ -36,6 +38,10 @@ class Origin(Protocol):
         """See `PathSolution.proof`."""
         ...
 
+    def timed(self, path: Any, **limits: Any) -> Any:
+        """See `PathSolution.timed`."""
+        ...
+
 
 class OfProblem(Shown):
     """What is known of the joints. A pickle holds it in place of the robot."""
@@ -45,6 +51,13 @@ class OfProblem(Shown):
     @property
     def _problem(self) -> Problem:
         return self._origin.problem  # type: ignore[union-attr]
+
+    @property
+    def robot(self) -> Robot:
+        """The robot that was solved for. Raises `OptionError` for what was pickled: a pickle does not hold it."""
+        if self._origin is None:
+            raise OptionError("a pickled result no longer knows its robot")
+        return self._problem.robot
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:

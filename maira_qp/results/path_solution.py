@@ -10,7 +10,9 @@ import numpy as np
 
 from maira_qp.arrays import plain
 from maira_qp.display import Card
+from maira_qp.errors import OptionError
 from maira_qp.results.answer import OfProblem, Origin
+from maira_qp.results.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from maira_qp.results.certificate import Proof
@@ -145,6 +147,46 @@ class PathSolution(OfProblem):
         none, it was not found, or the path was pickled.
         """
         return None if self._failure is None or self._origin is None else self._origin.path_proof(self)
+
+    def timed(
+        self,
+        velocity: Any = None,
+        acceleration: Any = None,
+        jerk: Any = None,
+        *,
+        dt: float = 0.01,
+        tool_speed: float | None = None,
+        longest_part: bool = False,
+    ) -> Trajectory:
+        """Compute when the path is where: from rest to rest along a smooth curve through `q`, as quick as limits allow.
+
+        By toppra, time-optimal; with `jerk` by ruckig, one law for the whole path, which is slower. Limits are a number
+        for all joints, one each (n,), or {joint name: value}; those of the robot are never loosened.
+
+        Args:
+            velocity: largest speeds [rad/s or m/s]; None: the robot's own.
+            acceleration: largest accelerations [rad/s^2 or m/s^2]; None: the robot's own.
+            jerk: largest jerks [rad/s^3 or m/s^3], a number or (n,); None: not limited.
+            dt: from sample to sample [s]; the duration is a multiple of it.
+            tool_speed: speed of the tool's origin [m/s], held wherever the joints' limits allow it, and never exceeded;
+                None: as fast as the joints allow.
+            longest_part: time the longest part of the path that is followed without a reconfiguration.
+
+        Raises `OptionError` for limits out of range, or of which there are none, for a path that is not followed whole
+        or has reconfigurations, unless `longest_part`; without toppra or ruckig (`maira-qp[time]`), and for a path that
+        was pickled.
+        """
+        if self._origin is None:
+            raise OptionError("a pickled path no longer knows its robot: call timed() before it is pickled")
+        return self._origin.timed(
+            self,
+            velocity=velocity,
+            acceleration=acceleration,
+            jerk=jerk,
+            dt=dt,
+            tool_speed=tool_speed,
+            longest_part=longest_part,
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """All values by their names, as `json.dumps` takes them."""

@@ -26,6 +26,7 @@ from maira_qp.results.path_solution import PathSolution, Rules
 from maira_qp.results.solution import Solution, solution_of
 from maira_qp.results.status import status_of
 from maira_qp.results.step import Step, step_of
+from maira_qp.results.trajectory import Trajectory
 from maira_qp.solvers.analysis.sensitivity import dq_dtarget
 from maira_qp.solvers.reference.context import Context
 from maira_qp.solvers.reference.engine import ReferenceEngine, residual
@@ -311,6 +312,12 @@ class Engines:
         from maira_qp.solvers.paths.track import track  # heavy: Numba comes with it
 
         return track(self, targets, q0, seed, rules)
+
+    def timed(self, path: PathSolution, **limits: Any) -> Trajectory:
+        """A path with times. Raises `OptionError`."""
+        from maira_qp.solvers.paths.timing import timed  # heavy: SciPy's interpolation comes with it
+
+        return timed(path, self, **limits)
 
     def compiled_step(self, q: Any, target: Any, dt: float, velocity: Any) -> Step | None:
         """A tick by the kernel; None if it does not take this, or limits beside those of the joints bind."""

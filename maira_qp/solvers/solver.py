@@ -313,8 +313,8 @@ class Solver(Shown):
                 again.
             seed: non-negative integer; other seeds begin from other configurations.
 
-        The problem must be one that the compiled engine takes, one task of the tip of a chain, or leave the tool free to
-        turn about one of its axes: `PoseTask(orientation_weight=[1, 1, 0], axes="target")`. Limits beside those of
+        The problem must be one that the compiled engine takes, one task of the tip of a chain, or leave the tool free
+        to turn about one of its axes: `PoseTask(orientation_weight=[1, 1, 0], axes="target")`. Limits beside those of
         the joints, such as collisions, are kept at each pose and halfway between two.
 
         Raises `PoseError`, `ConfigurationError`, `OptionError`.

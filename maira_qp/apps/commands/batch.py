@@ -72,7 +72,7 @@ class Batch:
         seconds = time.monotonic() - begin
         answers["q"] = angles.write(answers["q"])
         write_answers(output, poses.table, answers, joints)
-        hints = _hints(solver.robot, poses, answers["success"], self.q0)
+        hints = unit_hints(solver.robot, poses, answers["success"], self.q0)
         summary = _summary(solver, poses, answers, seconds, hints) | {"output": str(output)}
         with reader_may_leave():
             print_json(summary) if json else _show(summary)
@@ -129,7 +129,7 @@ def _summary(
     }
 
 
-def _hints(robot: Robot, poses: Poses, solved: np.ndarray, q0: np.ndarray | None) -> list[str]:
+def unit_hints(robot: Robot, poses: Poses, solved: np.ndarray, q0: np.ndarray | None) -> list[str]:
     """What looks like millimetres or degrees where metres and radians are asked for."""
     numbers, form = poses.table.numbers[poses.valid & ~solved], poses.layout.form
     hints = [millimetres_hint_of_many(numbers[:, [3, 7, 11] if form == "matrix" else [0, 1, 2]], robot)]

@@ -8,6 +8,7 @@ from maira_qp.apps.plots.chain import animate_chain, draw_chain
 from maira_qp.apps.plots.condition import condition_numbers
 from maira_qp.apps.plots.convergence import convergence
 from maira_qp.apps.plots.joint_paths import joint_paths
+from maira_qp.apps.plots.path import joint_rates, path_picture, pose_errors, swivel_arcs
 from maira_qp.apps.plots.reach import reach_slice
 from maira_qp.apps.plots.self_motion import arc_bars, self_motion
 from maira_qp.apps.plots.style import COLORS, DASHES, LIMIT_COLOR, MARKERS, figure, finish, line, save, style
@@ -28,12 +29,16 @@ __all__ = [
     "figure",
     "finish",
     "joint_paths",
+    "joint_rates",
     "line",
+    "path_picture",
+    "pose_errors",
     "reach_slice",
     "save",
     "self_motion",
     "style",
     "success_bars",
     "success_picture",
+    "swivel_arcs",
     "trade_off",
 ]

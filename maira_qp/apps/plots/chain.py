@@ -14,6 +14,7 @@ from PIL import Image
 
 from maira_qp.apps.plots.style import COLORS, LIMIT_COLOR, figure, styled
 from maira_qp.errors import OptionError
+from maira_qp.io.atomic_write import replacing
 
 GIF_SIZE, GIF_DPI = (4.6, 4.4), 80
 
@@ -105,10 +106,10 @@ def animate_chain(
         canvas.draw()
         picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
         images.append(picture.quantize(palette=palette, dither=Image.Dither.NONE))
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    images[0].save(path, save_all=True, append_images=images[1:], duration=round(1000 / rate), loop=0, optimize=True)
-    return path
+    film = {"save_all": True, "append_images": images[1:], "duration": round(1000 / rate), "loop": 0, "optimize": True}
+    with replacing(path) as file:
+        images[0].save(file, format="GIF", **film)
+    return Path(path)
 
 
 def _point(target: np.ndarray) -> np.ndarray:

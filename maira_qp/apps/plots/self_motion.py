@@ -69,7 +69,7 @@ def arc_bars(ax: Axes, solutions: Solutions) -> None:
     bar = {"height": 0.5, "color": COLORS[5], "edgecolor": COLORS[0], "linewidth": 0.8}
     for i, (arc, psi) in enumerate(places):
         y = shown.index(arc.branch)
-        for low, high in _within_circle(arc.lower, arc.upper):
+        for low, high in within_circle(arc.lower, arc.upper):
             ax.barh(y, np.degrees(high - low), left=np.degrees(low), **bar)
         place = {"marker": "*", "markersize": 13} if i == 0 else {"marker": "o", "markersize": 5}
         label = {0: "best of all", 1: "best of its arc"}.get(i)
@@ -85,7 +85,7 @@ def arc_bars(ax: Axes, solutions: Solutions) -> None:
 
 def blocked(free: Iterable[Arc]) -> list[tuple[float, float]]:
     """The intervals of the swivel angle [rad] in [-pi, pi] that no arc of one branch covers."""
-    covered = sorted(part for arc in free for part in _within_circle(arc.lower, arc.upper))
+    covered = sorted(part for arc in free for part in within_circle(arc.lower, arc.upper))
     gaps, end = [], -np.pi
     for low, high in covered:
         if low > end:
@@ -101,7 +101,7 @@ def _place(solution: ListedSolution) -> tuple[Arc, float]:
     return solution.arc, solution.psi
 
 
-def _within_circle(lower: float, upper: float) -> list[tuple[float, float]]:
+def within_circle(lower: float, upper: float) -> list[tuple[float, float]]:
     """The interval [rad], in two parts where it passes pi."""
     if upper <= np.pi:
         return [(lower, upper)]

@@ -51,7 +51,7 @@ def test_all_is_well_here(capsys):
 
 def test_what_is_optional_may_be_absent(without, monkeypatch, capsys):
     """Without the extras and a backend the exit code is still 0, and what to install is said."""
-    without("matplotlib", "pyarrow", "viser", "eaik", "piqp", "clarabel")
+    without("matplotlib", "pyarrow", "viser", "toppra", "ruckig", "rerun", "eaik", "piqp", "clarabel")
     monkeypatch.setattr(backends, "available", lambda: ("daqp",))
     assert main(["doctor"]) == 0
     out = capsys.readouterr().out

@@ -279,3 +279,27 @@ def test_a_reach_slice_asks_for_every_cell(maira):
     for wrong in ({"plane": "zz"}, {"cells": 1}):
         with pytest.raises(OptionError, match=next(iter(wrong))):
             reach_slice(solver, rotation, **wrong)
+
+
+def test_a_path_picture_shows_what_was_followed(maira):
+    """A panel more for an S-R-S arm, whose swivel angle lies in the bars at every pose; time where there is one."""
+    line = [mq.pose([0.5, y, 0.6], rpy=[np.pi, 0, 0]) for y in np.linspace(-0.1, 0.1, 12)]
+    path = mq.Solver(maira).track(line)
+    made = plots.path_picture(path)
+    assert len(made.axes) == 5
+    assert made.axes[-1].get_xlabel() == "pose"
+    np.testing.assert_allclose(made.axes[2].lines[0].get_ydata(), np.maximum(path.position_error, 1e-17))
+    swivel = made.axes[-1].lines[0].get_xydata()
+    bars = made.axes[-1].patches
+    assert len(swivel) == 12
+    for q, (x, psi) in zip(path.q, swivel, strict=True):
+        turned = SRS.of(maira).configurations(maira.forward(q), np.radians(psi)) - q
+        assert np.abs(np.remainder(turned + np.pi, 2 * np.pi) - np.pi).max(axis=1).min() < 1e-5
+        here = [bar for bar in bars if np.isclose(bar.get_x(), x)]
+        assert any(bar.get_y() - 1e-6 <= psi <= bar.get_y() + bar.get_height() + 1e-6 for bar in here)
+    trajectory = path.timed(acceleration=5.0)
+    made = plots.path_picture(path, trajectory)
+    assert made.axes[-1].get_xlabel() == "time [s]"
+    np.testing.assert_allclose(made.axes[0].lines[0].get_xdata(), trajectory.times)
+    shares = [line.get_ydata() for line in made.axes[1].lines[:7]]
+    np.testing.assert_allclose(np.transpose(shares), trajectory.velocity / maira.velocity_limit)

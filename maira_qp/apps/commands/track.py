@@ -1,0 +1,324 @@
+"""`maira-qp track`: follow a path of poses from a file."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import tyro
+
+from maira_qp.apps.arguments.flags import RobotFlags, SolverFlags, checked_seed
+from maira_qp.apps.arguments.numbers import JointValues
+from maira_qp.apps.arguments.robot_choice import RobotChoice
+from maira_qp.apps.left_pipes import reader_may_leave
+from maira_qp.errors import OptionError, PoseError
+from maira_qp.problem.options import Options
+
+if TYPE_CHECKING:
+    from maira_qp.apps.arguments.output import Angles
+    from maira_qp.io.poses import Poses
+    from maira_qp.problem.tasks.frame import PoseTask
+    from maira_qp.results.path_solution import PathSolution
+    from maira_qp.results.trajectory import Trajectory
+    from maira_qp.robots.model.robot import Robot
+
+RATE = 15.0
+"""Pictures of an animation a second, where that makes no more than `MOST_FRAMES`."""
+MOST_FRAMES = 150
+PARTS = 8
+"""Parts of a path that are followed of which a summary tells."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Track:
+    """Follow a path: joint values for each of its poses, so that no joint jumps from one to the next. Branch, turns and
+    redundancy are chosen for the path as a whole.
+
+    The poses are the rows of a file, as those of maira-qp solve --batch; a start q0_<joint> in its first row is the
+    configuration there. The joint values go into --output, in rad and m, as does, with --timed, what is when where.
+
+    Exit code: 0 followed whole; 3 not, at a pose that is proved to be out of reach; 1 not, for other reasons;
+    2 misuse."""
+
+    poses: tyro.conf.Positional[Path]
+    """File of the poses, .csv, .npz or .parquet."""
+    choice: RobotFlags = field(default_factory=RobotChoice)
+    q0: JointValues = None
+    """Joint values at the first pose, or near them [rad, or deg with --deg; m for a sliding joint]; none: any."""
+    dt: float | None = None
+    """Time from pose to pose [s]: no joint moves by more than its speed limit allows."""
+    max_step: JointValues = None
+    """Largest joint step from pose to pose, one for all or one each [rad, or deg with --deg; m]; none: 0.5 rad, or half
+    of the arm's length."""
+    max_reconfigurations: int = 0
+    """So many larger steps are allowed; >= 0."""
+    loop: tyro.conf.FlagCreatePairsOff[bool] = False
+    """The last pose is the first again, and the arm is to end as it began."""
+    free_axis: Literal["x", "y", "z"] | None = None
+    """The tool is free to turn about this axis of its own."""
+    seed: int = 0
+    """Seed of the configurations that are drawn; >= 0."""
+    timed: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Time the path within the limits below; needs maira-qp[time]."""
+    velocity: JointValues = None
+    """Largest speeds for --timed, one for all or one each [rad/s, or deg/s with --deg; m/s]; none: the robot's own."""
+    acceleration: JointValues = None
+    """Largest accelerations for --timed [rad/s^2, or deg/s^2 with --deg; m/s^2]; none: the robot's own."""
+    jerk: JointValues = None
+    """Largest jerks for --timed [rad/s^3, or deg/s^3 with --deg; m/s^3]; none: not limited."""
+    tool_speed: float | None = None
+    """Speed of the tool for --timed [m/s], held where the joints allow it; none: as fast as they allow."""
+    sample_time: float = 0.01
+    """From sample to sample with --timed [s]; > 0."""
+    output: Path | None = None
+    """File of the joint values, .csv, .npz, .parquet, .json, .ros.json (a JointTrajectory of ROS 2) or .rrd (for
+    Rerun); none: poses.csv is answered in poses.path.csv."""
+    picture: Path | None = None
+    """Draw joints, speeds, errors, condition number and swivel angle into this .png, .svg or .pdf."""
+    animation: Path | None = None
+    """Draw the arm's motion into this .gif."""
+    project: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Take the nearest rotations to rounded ones, on purpose."""
+    options: SolverFlags = field(default_factory=Options)
+    deg: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Angles on the command line and in the file of the poses in degrees; --output and tolerances stay in rad."""
+    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    """The summary as one JSON value on stdout."""
+
+    def run(self) -> int:
+        """Follows, writes, draws and prints a summary; the exit code as the class says."""
+        from maira_qp.apps.arguments.output import VERDICTS, Angles, print_json, progress_bar
+        from maira_qp.solvers.solver import Solver
+
+        self._check_flags()
+        seed, robot = checked_seed(self.seed), self.choice.load()
+        angles, solver = Angles(robot, self.deg), Solver(robot, task=self._task(), options=self.options)
+        poses = self._read(robot, angles)
+        q0 = self._start(poses, angles)
+        step = None if self.max_step is None else _limits(self.max_step, "--max-step", angles)
+        limits = self._motion_limits(angles)
+        output = self.output or self.poses.with_suffix(f".path{self.poses.suffix}")
+        self._check_files(output, poses)
+        begin, targets = time.monotonic(), poses.targets(slice(None))
+        with progress_bar("following"):
+            path = solver.track(
+                targets,
+                q0,
+                self.dt,
+                max_step=step,
+                max_reconfigurations=self.max_reconfigurations,
+                loop=self.loop,
+                seed=seed,
+            )
+        whole = bool(path) and not path.reconfigurations
+        trajectory = path.timed(**limits) if self.timed and whole else None
+        seconds = time.monotonic() - begin
+        written = self._write(output, path, trajectory)
+        found = _summary(robot, path, poses, trajectory, seconds, q0)
+        found |= {"not_timed": self.timed and trajectory is None, "files": [str(each) for each in written]}
+        with reader_may_leave():
+            print_json(found | {"q_units": path.q_units}) if self.json else _show(path, trajectory, found, angles)
+        return VERDICTS[_verdict(path)]
+
+    def _task(self) -> PoseTask | None:
+        """The task with a free axis; None: the whole pose."""
+        from maira_qp.problem.tasks.frame import PoseTask
+
+        if self.free_axis is None:
+            return None
+        return PoseTask(orientation_weight=[float(axis != self.free_axis) for axis in "xyz"], axes="target")
+
+    def _check_flags(self) -> None:
+        """Raises `OptionError` for flags that make no sense together."""
+        of_timing = {name: getattr(self, name) for name in ("velocity", "acceleration", "jerk", "tool_speed")}
+        given = [f"--{name.replace('_', '-')}" for name, value in of_timing.items() if value is not None]
+        if given and not self.timed:
+            raise OptionError(f"{' and '.join(given)} only {'counts' if len(given) == 1 else 'count'} with --timed")
+        if not 0 < self.sample_time < np.inf:
+            raise OptionError(f"--sample-time must be a positive number of seconds, got {self.sample_time}")
+
+    def _read(self, robot: Robot, angles: Angles) -> Poses:
+        """The poses. Raises `PoseError` for a row without one, and for a file without rows."""
+        from maira_qp.io.poses import read_poses
+        from maira_qp.problem.targets import FARTHEST
+
+        poses = read_poses(
+            self.poses,
+            robot.joint_names,
+            radian=angles.one,
+            scale=angles.write(np.ones(robot.n)),
+            farthest=FARTHEST * robot.length,
+            project=self.project,
+        )
+        if not len(poses):
+            raise PoseError(f"{self.poses} holds no pose: a path needs at least one")
+        numbers = poses.table.numbers[:, : len(poses.layout.pose)]
+        valid = np.logical_and.reduce(np.isfinite(numbers), axis=1)  # starts after the first row may be missing
+        for row in np.flatnonzero(~valid)[:1].tolist():
+            raise PoseError(f"{poses.table.where(row)}: a cell is empty or not finite; a path needs every pose")
+        return replace(poses, valid=valid)
+
+    def _start(self, poses: Poses, angles: Angles) -> np.ndarray | None:
+        """The configuration (n,) at the first pose, or None. Raises `OptionError` for two of them."""
+        if self.q0 is None:
+            starts = poses.starts(slice(0, 1))
+            return None if starts is None else starts[0]
+        if poses.layout.start:
+            raise OptionError(f"--q0 and the columns q0_... of {self.poses} both give a start; leave one out")
+        return angles.read(self.q0, "--q0")
+
+    def _motion_limits(self, angles: Angles) -> dict[str, Any]:
+        """The arguments of `PathSolution.timed`."""
+        limits = {name: getattr(self, name) for name in ("velocity", "acceleration", "jerk")}
+        read = {
+            name: None if values is None else _limits(values, f"--{name}", angles) for name, values in limits.items()
+        }
+        return {**read, "tool_speed": self.tool_speed, "dt": self.sample_time}
+
+    def _check_files(self, output: Path, poses: Poses) -> None:
+        """Before a long run. Raises `OptionError`."""
+        from maira_qp.apps.arguments.output import check_picture
+        from maira_qp.io.answers import check_place
+        from maira_qp.io.save import format_of
+
+        if format_of(output) == "ros" and self.dt is None and not self.timed:
+            raise OptionError(f"{output.name} needs times: give --timed, or --dt from pose to pose")
+        if self.animation is not None:
+            if self.animation.suffix.lower() != ".gif":
+                raise OptionError(f"an animation's name ends in .gif, not {self.animation.name!r}")
+            check_picture(self.animation.with_suffix(".png"))
+        if self.picture is not None:
+            check_picture(self.picture)
+        for file in filter(None, (output, self.picture, self.animation)):
+            check_place(file, poses.table)
+
+    def _write(self, output: Path, path: PathSolution, trajectory: Trajectory | None) -> list[Path]:
+        """The files; of a path that was to be timed and could not be, only pictures."""
+        from maira_qp.io.save import save
+
+        written = []
+        if trajectory is not None or not self.timed:
+            written.append(save(path if trajectory is None else trajectory, output))
+        if self.picture is not None:
+            from maira_qp.apps import plots  # not before it is known to be installed
+
+            written.append(plots.save(plots.path_picture(path, trajectory), self.picture))
+        if self.animation is not None:
+            written.append(_animate(self.animation, path, trajectory))
+        return written
+
+
+def _limits(values: tuple[float, ...], name: str, angles: Angles) -> np.ndarray:
+    """Limits (n,) of the joints, from one for all or one each. Raises `ConfigurationError`."""
+    return angles.read(tuple(values) * len(angles.units) if len(values) == 1 else values, name)
+
+
+def _verdict(path: PathSolution) -> str:
+    """The name of a status: converged where the path is followed whole, else that of the pose at which it is not."""
+    if path:
+        return "CONVERGED"
+    first = next(each for each in path.failures if each.index == path.first_failure)
+    return "UNREACHABLE" if first.is_proved else "NEAREST"
+
+
+def _animate(file: Path, path: PathSolution, trajectory: Trajectory | None) -> Path:
+    """The arm along the path, in its own time where that is known."""
+    from maira_qp.apps import plots
+
+    robot, q = path.robot, path.q if trajectory is None else trajectory.q
+    step = path.rules.dt
+    seconds = trajectory.duration if trajectory is not None else len(q) / RATE if step is None else step * (len(q) - 1)
+    count = int(np.clip(seconds * RATE, min(len(q), 2), min(len(q), MOST_FRAMES)))
+    frames = [_links(robot, each) for each in q[np.linspace(0, len(q) - 1, count).round().astype(int)]]
+    rate = float(np.clip(count / max(seconds, 1e-3), 1.0, 50.0))
+    return plots.animate_chain(file, frames, [frames[-1][-1]] * count, rate=rate)
+
+
+def _links(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Transforms (n + 2, 4, 4) [m] of the base, of the link behind each joint, and of the tool."""
+    at = robot.at(q)
+    return np.array([np.eye(4), *(at.placement(frame).homogeneous for frame in (*robot.moved_links, robot.tip))])
+
+
+def _summary(
+    robot: Robot,
+    path: PathSolution,
+    poses: Poses,
+    trajectory: Trajectory | None,
+    seconds: float,
+    q0: np.ndarray | None,
+) -> dict[str, Any]:
+    from maira_qp.apps.commands.batch import unit_hints
+
+    k = path.first_failure
+    return {
+        "robot": robot.name,
+        "tip": robot.tip,
+        "poses": len(path),
+        "followed_whole": k is None,
+        "first_failure": k,
+        "first_failure_at": None if k is None else poses.table.where(k),
+        "reason": path.reason,
+        "parts": path.parts,
+        "reached": int(path.success.sum()),
+        "reconfigurations": path.reconfigurations,
+        "largest_steps": np.abs(np.diff(path.q, axis=0)).max(axis=0, initial=0.0),
+        "allowed_steps": path.allowed_step,
+        "worst_position_error": path.position_error.max(),
+        "worst_orientation_error": path.orientation_error.max(),
+        "seconds": seconds,
+        "duration": None if trajectory is None else trajectory.duration,
+        "position_deviation": None if trajectory is None else vars(trajectory.position_deviation),
+        "orientation_deviation": None if trajectory is None else vars(trajectory.orientation_deviation),
+        "hints": unit_hints(robot, poses, path.success, q0),
+    }
+
+
+def _show(path: PathSolution, trajectory: Trajectory | None, found: dict[str, Any], angles: Angles) -> None:
+    """The summary as tables on stdout, for 80 columns."""
+    from rich.table import Table
+
+    from maira_qp.apps.arguments.output import console
+
+    out, k = console(), found["first_failure"]
+    if k is None:
+        out.print(f"followed whole: {len(path)} poses", style="bold green")
+    else:
+        place = found["first_failure_at"]
+        out.print(f"followed up to pose {k} of {len(path)}, {place}", style="bold yellow", soft_wrap=True)
+        out.print(found["reason"])
+        parts = ", ".join(f"{first} to {end - 1}" for first, end in path.parts[:PARTS])
+        out.print(
+            f"followed: poses {parts}{', ...' if len(path.parts) > PARTS else ''}" if parts else "followed: nothing"
+        )
+    joints = Table()
+    for heading in ("joint", "from", "to", "largest step", "allowed"):
+        joints.add_column(heading, justify="left" if heading == "joint" else "right")
+    steps, allowed = angles.write(found["largest_steps"]), angles.write(found["allowed_steps"])
+    low, high = angles.write(path.q.min(axis=0)), angles.write(path.q.max(axis=0))
+    for i, name in enumerate(path.joint_names):
+        numbers = f"{low[i]:.4f}", f"{high[i]:.4f} {angles.units[i]}", f"{steps[i]:.4f}", f"{allowed[i]:.4g}"
+        joints.add_row(name, *numbers)
+    out.print(joints)
+    table = Table(show_header=False)
+    table.add_row("reached", f"{found['reached']} of {len(path)}")
+    table.add_row("reconfigurations", str(found["reconfigurations"]))
+    table.add_row("worst position error [m]", f"{found['worst_position_error']:.3g}")
+    table.add_row("worst orientation error [rad]", f"{found['worst_orientation_error']:.3g}")
+    if trajectory is not None:
+        off, turned = trajectory.position_deviation, trajectory.orientation_deviation
+        table.add_row("duration", f"{trajectory.duration:.4g} s, {len(trajectory)} samples")
+        table.add_row("tool off the path", f"{off.value:.2g} m at {off.time:.4g} s")
+        table.add_row("tool turned off it", f"{turned.value:.2g} rad at {turned.time:.4g} s")
+        table.add_row("speed of the tool", f"at most {trajectory.tool_speed.max():.4g} m/s")
+    elif found["not_timed"]:
+        table.add_row("not timed", "only a path without a gap is; no joint values are written")
+    table.add_row("time", f"{found['seconds']:.3g} s")
+    out.print(table)
+    for file in found["files"]:
+        out.print(f"written: {file}", soft_wrap=True)
+    for hint in found["hints"]:
+        out.print(f"hint: {hint}", style="bold yellow")

@@ -1,0 +1,162 @@
+"""Paths and trajectories into files: tables, JSON, ROS 2's `trajectory_msgs/JointTrajectory`, logs for Rerun's viewer.
+
+Each file is written beside its place and renamed into it, so that there is a whole file or none.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from maira_qp.errors import OptionError, listed, shown
+from maira_qp.io.atomic_write import replacing
+from maira_qp.io.csv_table import write_csv
+from maira_qp.io.npz_table import write_npz
+from maira_qp.io.parquet_table import check_pyarrow, write_parquet
+from maira_qp.io.rerun_log import check_rerun, write_rerun
+from maira_qp.io.table import ColumnTable
+from maira_qp.results.path_solution import PathSolution
+from maira_qp.results.trajectory import Trajectory
+
+Motion = PathSolution | Trajectory
+
+ENDINGS = {".ros.json": "ros", ".csv": "csv", ".npz": "npz", ".parquet": "parquet", ".json": "json", ".rrd": "rerun"}
+"""Formats by the end of a file's name, the longer ends first."""
+
+
+def save(result: Motion, file: str | os.PathLike[str], format: str | None = None) -> Path:
+    """Write a path or a trajectory to a file, whole or not at all; missing folders are made. Returns its path.
+
+    CSV and Parquet have a row for each pose or sample; NPZ has the same as arrays, with q (N, n) and `joint_names`;
+    JSON is `result.as_dict()`. Units are those of the result: m, rad, s.
+
+    Args:
+        result: a `PathSolution` or `Trajectory`.
+        file: path to write to.
+        format: "csv", "npz", "parquet", "json", "ros" or "rerun"; None: by the end of the file's name, .csv, .npz,
+            .parquet, .json, .ros.json or .rrd. "ros": the message `trajectory_msgs/JointTrajectory` as JSON; of a path
+            it needs the times that `track(..., dt=...)` says. "rerun": joints, errors and the arm over time for the
+            Rerun viewer (`maira-qp[rerun]`).
+
+    Raises `OptionError` for another format or name, a format whose extra is not installed, a path without times, and a
+    pickled result for "rerun"; `OSError`.
+    """
+    if not isinstance(result, (PathSolution, Trajectory)):
+        raise OptionError(f"save takes a PathSolution or a Trajectory, not {shown(result)}")
+    path = Path(file)
+    write = WRITERS[format_of(path, format)]
+    with replacing(path) as stream:
+        write(stream, result)
+    return path
+
+
+def format_of(path: Path, format: str | None = None) -> str:
+    """In which format a file will be written. Raises `OptionError` if it cannot be."""
+    if format is None:
+        format = next((each for ending, each in ENDINGS.items() if path.name.lower().endswith(ending)), None)
+        if format is None:
+            raise OptionError(f"a path's file ends in {', '.join(sorted(ENDINGS))}, not {path.name!r}")
+    if not isinstance(format, str) or format not in WRITERS:
+        raise OptionError(f"no format {shown(format)}; {listed(WRITERS, format)}")
+    if format == "parquet":
+        check_pyarrow()
+    if format == "rerun":
+        check_rerun()
+    return format
+
+
+def columns(result: Motion) -> dict[str, np.ndarray]:
+    """What there is of each pose or sample: numbers (N,), and arrays (N, n) of the joints."""
+    if isinstance(result, Trajectory):
+        joints = {"q": result.q, "velocity": result.velocity, "acceleration": result.acceleration}
+        return {"time": result.times, "tool_speed": result.tool_speed, **joints}
+    times = {} if result.rules.dt is None else {"time": result.rules.dt * np.arange(len(result))}
+    return {
+        "pose": np.arange(len(result)),
+        **times,
+        "success": result.success,
+        "reconfiguration": np.isin(np.arange(len(result)), result.breaks),
+        "position_error": result.position_error,
+        "orientation_error": result.orientation_error,
+        "q": result.q,
+    }
+
+
+def _table(result: Motion) -> ColumnTable:
+    """A column for each joint in place of the arrays."""
+    flat = {}
+    for name, array in columns(result).items():
+        if array.ndim == 1:
+            flat[name] = array
+        else:
+            flat |= {f"{name}_{joint}": array[:, i] for i, joint in enumerate(result.joint_names)}
+    return ColumnTable(flat)
+
+
+def _write_csv(file: BinaryIO, result: Motion) -> None:
+    write_csv(file, _table(result), {})
+
+
+def _write_parquet(file: BinaryIO, result: Motion) -> None:
+    write_parquet(file, _table(result), {})
+
+
+def _write_npz(file: BinaryIO, result: Motion) -> None:
+    write_npz(file, ColumnTable({}), {**columns(result), "joint_names": np.array(result.joint_names, dtype=str)})
+
+
+def _write_json(file: BinaryIO, result: Motion) -> None:
+    _dump(file, result.as_dict())
+
+
+def _write_ros(file: BinaryIO, result: Motion) -> None:
+    """The fields of `trajectory_msgs/JointTrajectory`."""
+    values = columns(result)
+    if "time" not in values:
+        raise OptionError(
+            "a JointTrajectory needs times, which this path has not: save path.timed(...), or track with dt"
+        )
+    none = np.empty((len(values["q"]), 0))
+    arrays = [values.get(name, none).tolist() for name in ("q", "velocity", "acceleration")]
+    points = [
+        {
+            "positions": q,
+            "velocities": velocity,
+            "accelerations": acceleration,
+            "effort": [],
+            "time_from_start": _duration(time),
+        }
+        for q, velocity, acceleration, time in zip(*arrays, values["time"].tolist(), strict=True)
+    ]
+    header = {"stamp": _duration(0.0), "frame_id": ""}
+    _dump(file, {"header": header, "joint_names": list(result.joint_names), "points": points})
+
+
+def _duration(seconds: float) -> dict[str, int]:
+    """As `builtin_interfaces/Duration`."""
+    whole, rest = divmod(round(seconds * 1e9), 10**9)
+    return {"sec": whole, "nanosec": rest}
+
+
+def _dump(file: BinaryIO, value: Any) -> None:
+    file.write((json.dumps(value, allow_nan=False) + "\n").encode())
+
+
+def _write_rerun(file: BinaryIO, result: Motion) -> None:
+    values = columns(result)
+    write_rerun(file, result.robot, values)
+
+
+WRITERS: dict[str, Callable[[BinaryIO, Motion], None]] = {
+    "csv": _write_csv,
+    "npz": _write_npz,
+    "parquet": _write_parquet,
+    "json": _write_json,
+    "ros": _write_ros,
+    "rerun": _write_rerun,
+}
