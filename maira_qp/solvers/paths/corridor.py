@@ -2,26 +2,23 @@
 
 At each pose the line's configuration and others beside it, at even distances along the direction that leaves the pose
 as it is, are layers again, each of a few, and the line through them with the least largest steps is the next one. The
-corridor narrows from pass to pass. What is left of corners is smoothed as a spline is (Whittaker, "On a new method of
-graduation", 1923): of the displacements to the smooth line what moves along the self-motion is taken.
+corridor narrows from pass to pass. What is left of corners is evened out (`evenness.py`).
 """
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
-from scipy.linalg import solveh_banded
 
 from maira_qp.solvers.paths.descents import PathArrays
+from maira_qp.solvers.paths.evenness import EVEN, LOW, evened
 
 BESIDE = 5
 """Configurations on either side of a line."""
-WIDTHS = (0.3, 0.1, 0.03)
+WIDTHS = (0.3, 0.1)
 """How far [rad or m] the outermost are from it, pass by pass."""
 STRIDES = (16, 8, 4, 2, 1, 1, 1)
 """Poses that are between those that are drawn to the middle of their neighbours, pass by pass."""
-STIFFNESS = (1e4, 1e3, 1e2, 1e2)
-"""What the squares of second differences count against the distance to the line, pass by pass."""
 LARGEST_STEPS = 10.0
 """What the eighth power of a step, by the largest of the line, counts against its square."""
 
@@ -35,14 +32,8 @@ def smoothed(path: PathArrays, q: np.ndarray, fixed: tuple[bool, bool]) -> np.nd
         return q
     for width in WIDTHS:
         q = _best_within(path, q, width, fixed)
-    for stiffness in STIFFNESS:
-        q = _smoother(path, q, stiffness, fixed)
-    return q
-
-
-def largest_steps(path: PathArrays, q: np.ndarray) -> np.ndarray:
-    """The largest joint step (N - 1,) between neighbours of a line (N, n), by what is allowed."""
-    return np.asarray((np.abs(np.diff(q, axis=0)) / path.windows).max(axis=1, initial=0.0))
+    q = evened(path, q, fixed, EVEN)
+    return q if path.largest_steps(q).max() <= 1.0 else evened(path, q, fixed, LOW)
 
 
 def filled(path: PathArrays, knots: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -68,7 +59,7 @@ def _drawn_to_the_middle(path: PathArrays, q: np.ndarray, stride: int) -> np.nda
         return q
     knots = np.unique(np.append(np.arange(0, count, stride), count - 1))
     between, arrived = filled(path, knots, q[knots])
-    is_better = arrived.all() and largest_steps(path, between).max() <= 1.2 * largest_steps(path, q).max()
+    is_better = arrived.all() and path.largest_steps(between).max() <= 1.2 * path.largest_steps(q).max()
     return between if is_better else q
 
 
@@ -80,7 +71,7 @@ def _span(path: PathArrays, middle: np.ndarray, q: np.ndarray, i: np.ndarray, st
 
 def _best_within(path: PathArrays, q: np.ndarray, width: float, fixed: tuple[bool, bool]) -> np.ndarray:
     """The line of least largest steps in a corridor of so much [rad or m] on either side."""
-    count, wide, largest = len(q), 2 * BESIDE + 1, largest_steps(path, q).max()
+    count, wide, largest = len(q), 2 * BESIDE + 1, path.largest_steps(q).max()
     if largest == 0.0:
         return q
     along = np.linalg.svd(path.jacobians(q))[2][:, -1, :]
@@ -105,34 +96,4 @@ def _best_within(path: PathArrays, q: np.ndarray, width: float, fixed: tuple[boo
     for chosen in back[:0:-1]:
         line.append(int(chosen[line[-1]]))
     better = nodes[np.arange(count), line[::-1]]
-    return better if largest_steps(path, better).max() < largest else q
-
-
-def _smoother(path: PathArrays, q: np.ndarray, stiffness: float, fixed: tuple[bool, bool]) -> np.ndarray:
-    """The line moved along the self-motion toward one with smaller second differences, unless steps grow by that."""
-    J = path.jacobians(q)
-    moved = _graduated(q, stiffness) - q
-    _, _, V = np.linalg.svd(J, full_matrices=True)
-    free = V[:, path.rank :, :]
-    moved = np.einsum("kji,kj->ki", free, np.einsum("kji,ki->kj", free, moved))
-    for end, is_fixed in zip((0, -1), fixed, strict=True):
-        if is_fixed:
-            moved[end] = 0.0
-    there, arrived = path.descend(np.arange(len(q)), q + moved)
-    arrived &= np.abs(there - q).max(axis=1) <= 2.0 * np.abs(moved).max(axis=1) + 1e-3
-    for end, is_fixed in zip((0, -1), fixed, strict=True):
-        if is_fixed:
-            there[end] = q[end]
-    is_better = arrived.all() and largest_steps(path, there).max() <= largest_steps(path, q).max()
-    return there if is_better else q
-
-
-def _graduated(q: np.ndarray, stiffness: float) -> np.ndarray:
-    """(I + stiffness D'D) y = q for the line (N, n) with D second differences: smooth, and near q."""
-    count = len(q)
-    bands = np.zeros((3, count))
-    for shift, weights in ((0, (1.0, 4.0, 1.0)), (1, (-2.0, -2.0)), (2, (1.0,))):
-        for k, weight in enumerate(weights):
-            bands[2 - shift, shift + k : shift + k + count - 2] += stiffness * weight
-    bands[2] += 1.0
-    return np.asarray(solveh_banded(bands, q))
+    return better if path.largest_steps(better).max() < largest else q

@@ -54,6 +54,10 @@ class PathArrays:
         """Some of the poses."""
         return replace(self, rows=self.rows[which], place=self.place[which])
 
+    def largest_steps(self, q: np.ndarray) -> np.ndarray:
+        """The largest joint step (N - 1,) between neighbours of a line (N, n), by what is allowed."""
+        return np.asarray((np.abs(np.diff(q, axis=0)) / self.windows).max(axis=1, initial=0.0))
+
     def errors(self, rows: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Errors of position and orientation (M, 2) [m, rad] of configurations (M, n) at poses (M, 12)."""
         settings = self.arrays.settings.copy()

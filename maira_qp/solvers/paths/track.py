@@ -10,6 +10,7 @@ finer; where the knots were too coarse, every pose is one.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -19,7 +20,7 @@ from maira_qp.problem.targets import SEED_0, Targets, seed_words
 from maira_qp.results.path_solution import PathFailure, PathSolution, Rules
 from maira_qp.results.solution import Solution
 from maira_qp.solvers.paths.continuity import is_continuous
-from maira_qp.solvers.paths.corridor import filled, largest_steps, smoothed
+from maira_qp.solvers.paths.corridor import filled, smoothed
 from maira_qp.solvers.paths.descents import PathArrays
 from maira_qp.solvers.paths.failures import ROUNDING, broken, missed, open_end
 from maira_qp.solvers.paths.free_axis import free_axis, start_with_joint, with_joint, without_turning
@@ -35,6 +36,8 @@ REPAIRS = 6
 """How often a line is sought in the same layers, without the links that turned out to jump."""
 WIDEST = 0.6
 """How far a joint may move between two layers [rad, or of the arm's length], unless one step may be larger."""
+WIDER = (1.0, 4.0, 16.0)
+"""A line is sought with so many times the allowed steps, for smoothing may make them small enough."""
 LOOPS = 24
 """Beginnings of a loop that are tried."""
 CALM = 4.0
@@ -125,7 +128,7 @@ def _failures(
     reached, found, asked = _reached(path, q)[1], list[PathFailure](), path.asked
     for k in np.flatnonzero(~reached).tolist():
         found.append(missed(k, others[k] if k in others else engines.solve(targets.poses(k), q[k], SEED_0)))
-    both, leads = reached[:-1] & reached[1:], largest_steps(path, q) <= 1.0 + ROUNDING
+    both, leads = reached[:-1] & reached[1:], path.largest_steps(q) <= 1.0 + ROUNDING
     if (both & leads).any():
         leads[both & leads] = is_continuous(path, q)[both & leads]
     own = q[:, : asked.robot.n]
@@ -167,16 +170,28 @@ def follow(
     for _ in range(ROUNDS):
         at = layer_indices(path, density.spacing)
         layers = layers_of(path, at, nodes, is_start_given, density, rng)
-        q = _loop(path, at, layers, is_start_given) if is_loop else _continuous_line(path, at, layers, is_start_given)
-        if q is not None:
+        for times in WIDER:
+            wider = replace(path, window=times * path.window)
+            q = (_loop if is_loop else _continuous_line)(wider, at, layers, is_start_given)
+            if q is None:
+                continue
             q = smoothed(path, q, fixed)
-            steps = largest_steps(path, q)
-            if steps.max() < least:
-                best, least = q, steps.max()
-            if least <= CALM * steps.mean():
+            if (largest := path.largest_steps(q).max()) < least:
+                best, least = q, largest
+            if least <= 1.0:
                 break
+        if best is not None and least <= min(1.0, CALM * path.largest_steps(best).mean()):
+            return best
         density = density.finer()
-    return best if best is not None else _with_reconfigurations(path, at, layers, is_start_given)
+    if best is not None and least <= 1.0:
+        return best
+    broken_up = _with_reconfigurations(path, at, layers, is_start_given)
+    return broken_up if best is None or _breaks(path, broken_up) < _breaks(path, best) else best
+
+
+def _breaks(path: PathArrays, q: np.ndarray) -> int:
+    """How many steps of a line (N, n) are larger than allowed."""
+    return int((path.largest_steps(q) > 1.0 + ROUNDING).sum())
 
 
 def _loop(path: PathArrays, at: np.ndarray, layers: list[np.ndarray], is_start_given: bool) -> np.ndarray | None:
@@ -225,7 +240,7 @@ def _continuous_line(
 def _along(path: PathArrays, at: np.ndarray, line: Line) -> tuple[np.ndarray, np.ndarray]:
     """The line through configurations at the poses `at` (L,), and the poses (K,) to which it does not lead."""
     q, arrived = filled(path, at, line.q)
-    amiss = np.flatnonzero(~arrived[1:] | (largest_steps(path, q) > 1.0)) + 1
+    amiss = np.flatnonzero(~arrived[1:] | (path.largest_steps(q) > 1.0)) + 1
     return q, amiss if len(amiss) else np.flatnonzero(~is_continuous(path, q)) + 1
 
 
@@ -248,12 +263,12 @@ def _with_reconfigurations(
     q, arrived = filled(path, at, knots)
     for k, (left, right) in enumerate(pairwise(at.tolist())):
         some = slice(left, right + 1)
-        if arrived[some].all() and largest_steps(path.some(some), q[some]).max() <= 1.0:
+        if arrived[some].all() and path.some(some).largest_steps(q[some]).max() <= 1.0:
             continue
         for i in range(left + 1, right):
             (q[i],), (is_there,) = path.descend(np.array([i]), q[i - 1 : i])
             step = slice(i - 1, i + 1)
-            if not is_there or largest_steps(path.some(step), q[step])[0] > 1.0:
+            if not is_there or path.some(step).largest_steps(q[step])[0] > 1.0:
                 q[i:right] = _followed_back(path, knots[k + 1], i, right)
                 break
     return q

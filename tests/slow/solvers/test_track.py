@@ -156,6 +156,28 @@ def test_steps_stay_within_velocities(rng):
     assert any(name in hasty.reason for name in robot.joint_names)
 
 
+@pytest.mark.parametrize("name", ["maira", "panda", "ur5"])
+def test_steps_that_are_hardly_larger_than_they_have_to_be(name):
+    """What was found with any steps is found with its own as the largest that are allowed, and a little less."""
+    robot = arm(name)
+    solver, targets = mq.Solver(robot), circle(100)
+    free = solver.track(targets)
+    assert free, free.reason
+    tight = solver.track(targets, max_step=1.01 * free.max_joint_step)
+    assert tight, tight.reason
+    assert tight.max_joint_step <= 1.01 * free.max_joint_step * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("name", ["maira", "panda"])
+def test_lines_are_smooth(name):
+    """Steps change little from pose to pose, as those of the tool do: no corners of a search are left in the line."""
+    robot = arm(name)
+    path = mq.Solver(robot).track(circle(200))
+    assert path, path.reason
+    steps, changes = np.diff(path.q, axis=0), np.diff(path.q, n=2, axis=0)
+    assert np.abs(changes).max() < 0.1 * np.abs(steps).max()
+
+
 def test_the_same_call_gives_the_same_path(rng):
     robot = mq.Robot.maira()
     targets = poses_along(robot, smooth_motion(robot, rng, 40))
