@@ -62,7 +62,7 @@ def of_files(arm: str, title: str, paths: Sequence[Path], rows: Sequence[Row]) -
 
 def of_lengths(lengths: Sequence[Length]) -> Table:
     """Long paths in seconds."""
-    table = table_of(f"{TRACK}: one long path, free start", ("arm",), ("poses", "whole", "time [s]"))
+    table = table_of(f"{TRACK}, long paths", ("arm",), ("poses", "whole", "time [s]"))
     for each in lengths:
         table.add_row(each.arm, str(each.poses), "yes" if each.whole else "no", digits(each.seconds))
     return table
