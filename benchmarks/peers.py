@@ -12,7 +12,6 @@ os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Literal
 
 import tyro
 from peers import arms, clock, line_up, ours, picture, report, results
@@ -31,7 +30,7 @@ WARM_UP, FAR_WARM_UP, GIVE_UP, TICKS, TICK = 20, 2, 20, 500, 0.01
 class Settings:
     """What to race."""
 
-    robots: tuple[Literal["maira", "panda", "iiwa14", "ur5"], ...] = arms.ARMS
+    robots: tuple[arms.Name, ...] = arms.ARMS
     """On which arms."""
     targets: int = 2000
     """Targets an arm, the same for all solvers."""

@@ -28,15 +28,22 @@ PEERS = {
 
 
 def line_up(arm: Arm) -> tuple[list[Contestant], list[str]]:
+    """Those who race on an arm, see `admit`."""
+    return admit(arm, one_at_a_time(arm), PEERS)
+
+
+def admit(
+    arm: Arm, ours: list[Contestant], peers: dict[str, tuple[str, str, str, str]]
+) -> tuple[list[Contestant], list[str]]:
     """Ours and the peers that are installed and mean the same arm, and a line of text about each that is missing.
 
-    Raises `RuntimeError` if ours mean another arm than the judge.
+    Peers are given as in `PEERS`. Raises `RuntimeError` if ours mean another arm than the judge.
     """
-    taking_part, remarks = one_at_a_time(arm), []
+    taking_part, remarks = list(ours), []
     for contestant in taking_part:
         if objection := disagreement(contestant, arm):
             raise RuntimeError(f"{contestant.name}: {objection}")
-    for name, (imported, package, module, function) in PEERS.items():
+    for name, (imported, package, module, function) in peers.items():
         if find_spec(imported) is None:
             remarks.append(f"{name}: skipped, not installed (pip install '{package}')")
             continue

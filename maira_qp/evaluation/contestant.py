@@ -55,6 +55,9 @@ class Contestant:
     """Joint velocities (n,) [rad/s] for one tick of dt [s] from q (n,) toward a target."""
     control: Callable[[], Callable[[Any], np.ndarray]] | None = None
     """Begins a control run; what it returns takes a tick's target to the next configuration (n,)."""
+    follow: Callable[[Any, np.ndarray | None], np.ndarray | None] | None = None
+    """From a path of N poses, of its own type, and the configuration (n,) at the first, or None where any will do, to
+    configurations (N, n); None, or fewer rows, where it gives up."""
     forward: Callable[[np.ndarray], np.ndarray] | None = None
     """Its own tool pose (4, 4) at q (n,), by which it must mean the robot that the judge means."""
     limits: tuple[Any, Any] | None = None

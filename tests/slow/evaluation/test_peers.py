@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
 from peers import arms, clock, line_up, picture, report, results
 
 
-@pytest.fixture(scope="module", params=arms.ARMS)
+@pytest.fixture(scope="module", params=arms.SOURCES)
 def arm(request, tmp_path_factory):
     return arms.load(request.param, tmp_path_factory.mktemp("arms"))
 
