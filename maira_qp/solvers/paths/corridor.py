@@ -7,6 +7,8 @@ corridor narrows from pass to pass. What is left of corners is evened out (`even
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
@@ -36,11 +38,17 @@ def smoothed(path: PathArrays, q: np.ndarray, fixed: tuple[bool, bool]) -> np.nd
     return q if path.largest_steps(q).max() <= 1.0 else evened(path, q, fixed, LOW)
 
 
-def filled(path: PathArrays, knots: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A line (N, n) through configurations (K, n) at the poses `knots` (K,), and which of its poses it reaches (N,)."""
+def filled(
+    path: PathArrays, knots: np.ndarray, q: np.ndarray, between: Callable = PchipInterpolator
+) -> tuple[np.ndarray, np.ndarray]:
+    """A line (N, n) through configurations (K, n) at the poses `knots` (K,), and which of its poses it reaches (N,).
+
+    Descents begin on the curves `between` the knots: cubic ones without overshoot, or a `CubicSpline` through an even
+    line, which has no corners either.
+    """
     if len(knots) == len(path):
         return q.copy(), np.ones(len(q), dtype=bool)
-    guess = PchipInterpolator(path.place[knots], q)(path.place) if len(knots) > 1 else np.repeat(q, len(path), axis=0)
+    guess = between(path.place[knots], q)(path.place) if len(knots) > 1 else np.repeat(q, len(path), axis=0)
     line, arrived = path.descend(np.arange(len(path)), guess)
     line[knots], arrived[knots] = q, True
     return line, arrived

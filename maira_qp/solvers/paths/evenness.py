@@ -19,8 +19,8 @@ LARGE = 10.0
 """What a high power of a step, by the largest of the line, counts against its square."""
 FARTHEST = 0.1
 """How far [rad or m] a configuration is moved at once, at most."""
-HARDLY = 1.02
-"""The largest step may grow by this factor, if that is allowed."""
+HARDLY = 1.2
+"""For a smoother line the largest step may grow by this factor, if that is allowed."""
 DAMPING, SLOW = 1e-6, 1e-3
 """By the largest entry of the normal matrix; a smaller fall of the cost ends it."""
 

@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from maira_qp.problem.targets import SEED_0, Targets, seed_words
 from maira_qp.results.path_solution import PathFailure, PathSolution, Rules
@@ -112,7 +113,9 @@ def _followed_by_knots(
     known, reached = _alone(engines, targets, start, knots, seed)
     if not reached.all():
         return None
-    return filled(path, knots, follow(path.some(knots), known, start is not None, is_loop, rng))[0]
+    line = follow(path.some(knots), known, start is not None, is_loop, rng)
+    q, arrived = filled(path, knots, line, CubicSpline)
+    return q if arrived.all() else filled(path, knots, line)[0]
 
 
 def _reached(path: PathArrays, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
