@@ -125,6 +125,34 @@ def test_a_path_with_a_pose_out_of_reach_says_where_and_why(run, line):
     assert "written" not in out.replace("are written", "")
 
 
+def circle(count=60, turns=1.0, spin=0.0):
+    """Rows of a circle; the tool turns about its axis by `spin` on the way."""
+    angles = np.linspace(0.0, 2 * np.pi * turns, count)
+    places = zip(0.1 * np.cos(angles), 0.1 * np.sin(angles), spin * np.linspace(0.0, 1.0, count), strict=True)
+    return HEADER + "".join(f"0.5,{y:.9f},{0.5 + z:.9f},{np.pi:.12f},0,{yaw:.9f}\n" for y, z, yaw in places)
+
+
+def test_a_loop_ends_as_it_begins(run, tmp_path):
+    file = tmp_path / "loop.csv"
+    file.write_text(circle())
+    code, out, _ = run(file, "--loop", "--json", "--output", tmp_path / "q.npz")
+    assert code == 0
+    assert json.loads(out)["followed_whole"]
+    with np.load(tmp_path / "q.npz") as table:
+        q = table["q"]
+    np.testing.assert_allclose(q[0], q[-1], atol=1e-6)
+    file.write_text(circle(turns=0.6))
+    assert "repeat the first pose at the end" in misuse(run(file, "--loop"))
+
+
+def test_a_tool_that_turns_too_far_is_free_to_turn(run, tmp_path):
+    """Four turns of the tool are beyond the limits of its joint, unless they are of no account."""
+    file = tmp_path / "spin.csv"
+    file.write_text(circle(spin=8 * np.pi, count=200))
+    assert run(file)[0] == 1
+    assert run(file, "--free-axis", "z")[0] == 0
+
+
 def test_too_small_a_step_is_no_misuse(run, line):
     code, out, _ = run(line, "--max-step", 1e-5, "--json")
     told = json.loads(out)
