@@ -27,14 +27,16 @@ would cost it: those directions in the null space of its rows in which its Hessi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from maira_qp.problem.limits.joint import Bounds
+from maira_qp.problem.options import Options
 from maira_qp.problem.qp.costs import HESSIAN_RANK_THRESHOLD, LevelObjective, TaskCost
 from maira_qp.problem.qp.hierarchy import RANK_THRESHOLD, Level, largest_row, null_space, subspace
+from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.model.configuration import Configuration
 
 SINGULAR = 1e-2
@@ -69,6 +71,9 @@ How directions bend in which a level above does, nothing tells: below such a lev
 
 WORTH = 2e-9
 """A share of |r'| sqrt(max |H|): a step that takes away less than this of the error per rad or m is not taken."""
+
+FAINT = 1e-5
+"""The same share of |r| sqrt(max |H|) where the targets are reached within the tolerances."""
 
 LEAST_DAMPING = 1e-7
 """Floor of the damping as a share of the largest entry of H: the shortest of the steps that do the same."""
@@ -120,7 +125,13 @@ class TickModel:
     """Norm of its gradient where nothing holds it, as a share of |r'| sqrt(max |H|) where that is larger than 1"""
 
 
-def tick_models(levels: Sequence[LevelObjective], at: Configuration, reach: Reach, damping: float) -> list[TickModel]:
+def are_reached(tasks: Iterable[Task], at: Configuration, options: Options) -> bool:
+    """Whether every target is reached within the tolerances."""
+    residuals = [task.residual(at) for task in tasks]
+    return all(p <= options.position_tolerance and o <= options.orientation_tolerance for p, o in residuals)
+
+
+def tick_models(levels: Sequence[LevelObjective], at: Configuration, reach: Reach, options: Options) -> list[TickModel]:
     """The models of the levels in falling priority."""
     models: list[TickModel] = []
     K, is_bent = np.empty((0, at.n)), False
@@ -139,7 +150,7 @@ def tick_models(levels: Sequence[LevelObjective], at: Configuration, reach: Reac
         H = A.T @ A + C
         largest, squared = float(np.abs(H).max()), float(left @ left)
         steep = float(np.sqrt(squared / (largest + TINY))) * free
-        mu = damping * min(max(steep, STEEP * squared), squared, 1.0)
+        mu = options.damping * min(max(steep, STEEP * squared), squared, 1.0)
         mu += LEAST_DAMPING * largest + level.tasks.damping(at)
         size = float(np.sqrt(squared * largest))
         flat = HESSIAN_RANK_THRESHOLD * largest if level.objectives else FLAT * size
@@ -149,7 +160,8 @@ def tick_models(levels: Sequence[LevelObjective], at: Configuration, reach: Reac
         rows = np.vstack([A, bent])
         saddle = SADDLE * size if steep <= STATIONARY * squared and not is_bent else np.inf
         model = Level(H, level.pull(at), rows, level.cost(at), float(r @ r))
-        model = replace(model, saddle=saddle, still=WORTH * size) if bends else model
+        still = FAINT * float(np.sqrt(r @ r * largest)) if are_reached(level.tasks.tasks, at, options) else 0.0
+        model = replace(model, saddle=saddle if bends else None, still=max(still, WORTH * size if bends else 0.0))
         models.append(TickModel(model.damped(mu), pressed[len(G) :], len(bent), free / max(1.0, size)))
         K, is_bent = np.vstack([K, rows]), is_bent or (bends and len(bent) > 0)
     return models

@@ -87,7 +87,7 @@ def test_three_levels_in_conflict_come_to_rest(name, seeds, backend):
 
 @pytest.mark.parametrize(
     ("within_reach", "seeds", "backend"),
-    [(False, (3, 8, 19, 28), None), (True, [11], None), (False, [19], "daqp")],
+    [(False, (3, 8, 19, 28), None), (True, (0, 3, 11, 12, 16), None), (False, [19], "daqp"), (True, [0], "daqp")],
 )
 def test_rows_of_rounded_right_angles_keep_no_arm_moving(within_reach, seeds, backend):
     """xArm7's link 4 keeps its distance from the shoulder but for the rounding of its model's angles.
