@@ -13,14 +13,15 @@ import math
 from maira_qp.kernels.control.task_jacobians import across_direction, in_base, pose_bend, task_error, task_levers
 from maira_qp.kernels.jit.decorators import device_kernel
 from maira_qp.kernels.kinematics.kinematic_tree import forward, path_jacobian, path_to, place
-from maira_qp.kernels.layout import Kind, Level, Place, TaskRow
+from maira_qp.kernels.layout import Kind, Level, Place, Step, TaskRow
 from maira_qp.kernels.refinement.posture_objective import objective_cost
+from maira_qp.kernels.search.levenberg_marquardt import squares
 from maira_qp.kernels.spatial.pose_hessian import add_curvature as add_pose_curvature
 
 NUDGE = 1e-5
 """As in `problem.tasks.task`."""
 
-SADDLE, FLAT, STATIONARY, STEEP, WORTH = 1e-3, 1e-5, 0.1, 1e-5, 2e-9
+SADDLE, FLAT, STATIONARY, STEEP, WORTH, FAINT = 1e-3, 1e-5, 0.1, 1e-5, 2e-9, 1e-5
 """As in `solvers.reference.step_models`."""
 
 
@@ -297,7 +298,14 @@ def add_gauss_newton(level, work):
 
 
 @device_kernel
-def finish_model(level, bends, is_bent, asked, damping, least_damping, work):
+def is_reached(e, numbers):
+    """Whether an error (6,) is within the tolerances."""
+    position, orientation = squares(e)
+    return position <= numbers[Step.POSITION_WITHIN] ** 2 and orientation <= numbers[Step.ORIENTATION_WITHIN] ** 2
+
+
+@device_kernel
+def finish_model(places, numbers, level, bends, is_bent, asked, work):
     """The damping of a level with its Hessian in work.H, which curvature it leaves, and which steps it does not take.
 
     `is_bent` tells that rows above are directions in which their level bends.
@@ -307,10 +315,16 @@ def finish_model(level, bends, is_bent, asked, damping, least_damping, work):
         for j in range(len(H)):
             largest = max(largest, abs(H[i, j]))
     steep = left * work.gradients[level] / math.sqrt(largest) if largest > 0.0 else 0.0
-    mu = damping * min(max(steep, STEEP * left * left), left * left, 1.0)
-    work.mu[level] = mu + least_damping * largest + asked
+    mu = numbers[Step.DAMPING] * min(max(steep, STEEP * left * left), left * left, 1.0)
+    work.mu[level] = mu + numbers[Step.LEAST_DAMPING] * largest + asked
     stationary = steep <= STATIONARY * left * left and not is_bent
     work.saddle[level] = (SADDLE * left * math.sqrt(largest) if stationary else math.inf) if bends else -1.0
     work.flat[level] = FLAT * left * math.sqrt(largest)
     work.gradients[level] /= max(1.0, left * math.sqrt(largest))
-    work.still[level] = WORTH * left * math.sqrt(largest) if bends else 0.0
+    reached, square = True, 0.0
+    for t in range(len(places)):
+        reached = reached and (places[t, Place.LEVEL] != level or is_reached(work.e[t], numbers))
+    for k in range(work.ends[level - 1] if level > 0 else 0, work.ends[level]):
+        square += work.errors[k] ** 2
+    faint = FAINT * math.sqrt(square) if reached else 0.0
+    work.still[level] = max(faint, WORTH * left if bends else 0.0) * math.sqrt(largest)

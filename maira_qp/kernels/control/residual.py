@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from maira_qp.kernels.control.hierarchical_qp import add_rows
+from maira_qp.kernels.control.hierarchical_qp import ROW_THRESHOLD, add_rows
 from maira_qp.kernels.jit.decorators import device_kernel
 from maira_qp.kernels.layout import Joint, Level
 from maira_qp.kernels.linalg.ldl import factor_ldl, solve_ldl
@@ -26,45 +26,43 @@ def find_residual(tree, objectives, level, work, q, dt):
     From the gradient `work.g`. The multipliers of the rows above that balance the gradient into work.balances, those
     that balance what is left of it into work.weights.
     """
-    rows, g, held, left, errors = work.rows[: work.ends[level]], work.g, work.held, work.left, work.errors
+    g, held, left, errors = work.g, work.held, work.left, work.errors
     first, m = work.ends[level - 1] if level > 0 else 0, work.ends[level]
-    above, x, K = work.balances[level], work.weights, work.rows[: work.ends[level - 1] if level > 0 else 0]
+    above, x, K, A = work.balances[level], work.weights, work.rows[:first], work.rows[first:m]
     for i in range(len(q)):
         held[i] = not tree[i, Joint.LOWER] < tree[i, Joint.UPPER]
     if first == 0:
         _hold(tree, K, above, g, q, dt, held)
-    nu = _factor_rows(rows, first, held, work.gram, work.factor)
+    _factor_above(K, held, work.gram, work.factor)
     for _ in range(PASSES if first > 0 else 0):
         _balance(K, g, held, work.factor, above)
         if not _hold(tree, K, above, g, q, dt, held):
             break
-        nu = _factor_rows(rows, first, held, work.gram, work.factor)
+        _factor_above(K, held, work.gram, work.factor)
     _balance(K, g, held, work.factor, above)
-    work.gradients[level], work.left_norms[level] = _free_gradient(K, above, g, held), 0.0
+    work.gradients[level], work.left_norms[level] = 0.0, 0.0
     if m == first:
         for k in range(first):
             x[k] = above[k]
         return False
-    whole = 0.0
+    nu, whole = _factor_own(A, level, work), 0.0
     for k in range(first, m):
         left[k] = errors[k]
         whole += errors[k] * errors[k]
     if objectives[level, Level.WEIGHT] != 0.0:
-        _weighted_residual(objectives[level], rows, held, nu, work)
+        _weighted_residual(objectives[level], A, held, nu, work)
     else:
         for _ in range(FILTER):
-            for k in range(m):
-                x[k] = left[k] if k >= first else 0.0
-            solve_ldl(work.factor, m, x)
+            solve_ldl(work.own_factor, m - first, left[first:m])
             for k in range(first, m):
-                left[k] = nu * x[k]
+                left[k] *= nu
     rest, y = 0.0, work.y
     for k in range(first, m):
         rest += left[k] * left[k]
     for i in range(len(q)):
         s = g[i]
         for k in range(first, m):
-            s += rows[k, i] * (errors[k] - left[k])
+            s += work.rows[k, i] * (errors[k] - left[k])
         y[i] = s
     _balance(K, y, held, work.factor, x)
     work.left_norms[level] = math.sqrt(rest)
@@ -72,25 +70,57 @@ def find_residual(tree, objectives, level, work, q, dt):
 
 
 @device_kernel
-def _factor_rows(rows, first, held, gram, factor):
-    """Factor `S S^T`, S (m, n) the rows in the joints that are not held, with eps or, from `first` on, nu added: nu."""
-    m, n = len(rows), len(held)
-    above, own = 0.0, 0.0
+def _factor_above(K, held, gram, factor):
+    """Factor `K K^T + eps I`, K (m, n) the rows above in the joints that are not held."""
+    m, size = len(K), 0.0
     for k in range(m):
         for j in range(k + 1):
             s = 0.0
-            for i in range(n):
+            for i in range(len(held)):
                 if held[i] == 0:
-                    s += rows[k, i] * rows[j, i]
+                    s += K[k, i] * K[j, i]
             gram[k, j], gram[j, k] = s, s
-        if k < first:
-            above += gram[k, k]
-        else:
-            own += gram[k, k]
-    nu, eps = max(SINGULAR * SINGULAR * own, TINY), ABOVE * ABOVE * above + TINY
+        size += gram[k, k]
     for k in range(m):
-        gram[k, k] += eps if k < first else nu
+        gram[k, k] += ABOVE * ABOVE * size + TINY
     factor_ldl(gram, m, 0.0, factor)
+
+
+@device_kernel
+def _factor_own(A, level, work):
+    """Factor `A Z Z^T A^T + nu I`, A (m, n) the rows of a level and Z what those above leave to it, not held: nu.
+
+    The norm of its gradient there is left in work.gradients.
+    """
+    gram, held, joints, Z, b, g, AZ = work.gram, work.held, work.joints, work.Z, work.b, work.g, work.AZ
+    count, rank, size, square = others(held, joints), NONE, 0.0, 0.0
+    for above in range(level):
+        rank = add_rows(work, above, joints[:count], rank, ROW_THRESHOLD)
+    if rank > 0:
+        null_basis(work.F, work.tau, joints, count, rank, g, work.y, Z, b)
+    for r in range(len(A)):
+        for a in range(count):
+            size += A[r, joints[a]] ** 2
+        for p in range(count - rank):
+            s = 0.0
+            if rank > 0:
+                for i in range(len(held)):
+                    s += A[r, i] * Z[i, p]
+            else:
+                s = A[r, joints[p]]
+            AZ[r, p] = s
+        for t in range(r + 1):
+            s = 0.0
+            for p in range(count - rank):
+                s += AZ[r, p] * AZ[t, p]
+            gram[r, t], gram[t, r] = s, s
+    for p in range(count - rank):
+        square += (b[p] if rank > 0 else g[joints[p]]) ** 2
+    nu = max(SINGULAR * SINGULAR * size, TINY)
+    for r in range(len(A)):
+        gram[r, r] += nu
+    factor_ldl(gram, len(A), 0.0, work.own_factor)
+    work.gradients[level] = math.sqrt(square)
     return nu
 
 
@@ -103,18 +133,6 @@ def _balance(K, g, held, factor, multipliers):
             s -= 0.0 if held[i] else K[k, i] * g[i]
         multipliers[k] = s
     solve_ldl(factor, len(K), multipliers)
-
-
-@device_kernel
-def _free_gradient(K, multipliers, g, held):
-    """Norm of what the rows K (m, n) and the joints that are held leave of a gradient (n,)."""
-    square = 0.0
-    for i in range(len(g)):
-        s = g[i]
-        for k in range(len(K)):
-            s += K[k, i] * multipliers[k]
-        square += 0.0 if held[i] else s * s
-    return math.sqrt(square)
 
 
 @device_kernel

@@ -16,6 +16,7 @@ from maira_qp.kernels.control.level_models import (
     add_curvature,
     add_gauss_newton,
     finish_model,
+    is_reached,
     level_costs,
     level_model,
     row_errors,
@@ -63,7 +64,7 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
         bends = find_residual(tree, objectives, level, work, q, dt)
         add_curvature(tree, parents, tasks, places, level, bends, work, q)
         add_gauss_newton(level, work)
-        finish_model(level, bends, is_bent, asked, numbers[Step.DAMPING], numbers[Step.LEAST_DAMPING], work)
+        finish_model(places, numbers, level, bends, is_bent, asked, work)
         if level + 1 < len(objectives) and (bends or objectives[level, Level.WEIGHT] != 0.0):
             is_bent = (add_bent_directions(tree, objectives, level, work) and bends) or is_bent
     share, solved = 1.0, len(objectives)
@@ -198,9 +199,7 @@ def _status(tree, places, numbers, work, solved, dt, velocity):
     """What the arm is doing after a tick, from the errors in work.e and what the QPs asked for."""
     arrived, moving, wanted, slope = True, False, solved == 0, 0.0
     for error in work.e[: len(places)]:
-        position, orientation = squares(error)
-        arrived = arrived and position <= numbers[Step.POSITION_WITHIN] ** 2
-        arrived = arrived and orientation <= numbers[Step.ORIENTATION_WITHIN] ** 2
+        arrived = arrived and is_reached(error, numbers)
     if arrived:
         return ARRIVED
     for i in range(len(velocity)):

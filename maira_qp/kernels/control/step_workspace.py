@@ -19,7 +19,8 @@ STEP_WORK = Arena(
         **dict.fromkeys(("lower", "upper", "low", "high", "dq", "step", "part", "trial", "g", "y", "z", "b"), "n"),
         **{"F": f"max(rows, n), {_WIDE}", **dict.fromkeys(("tau", "x", "multipliers"), _WIDE)},  # of factored rows
         **dict.fromkeys(("mu", "values", "trial_values", "highest"), "levels"),
-        **{"gram": "rows, rows", "factor": "rows, rows"},  # of the rows of all levels
+        **dict.fromkeys(("gram", "factor", "own_factor"), "rows, rows"),  # of rows above, and of a level's own
+        "AZ": "rows, n",  # a level's own rows in what is left to it
         **{"balances": "levels, rows", **dict.fromkeys(("errors", "errors_there", "left", "weights"), "rows")},
         **{"near_poses": "n, 12", "near_tools": "3, 12", "near_rows": "6, n", "near_J": "n, 6"},  # near q
         **{"kept": "tasks, 2", "way": "n"},  # of errors; where the levels would go if there were no time

@@ -149,7 +149,7 @@ def solve_each_level(
     displacements = [np.clip(dq, bounds.lower, bounds.upper)]
     for above, level in pairwise(levels):
         bounds = _with_wishes_kept(bounds, above, dq)
-        Z = _subspace(Z, above.rows, above.rank_threshold)
+        Z = subspace(Z, above.rows, above.rank_threshold)
         if Z.shape[1] == 0 or (end is not None and time.monotonic() >= end):
             break
         below = build_next(level, bounds, dq, Z)
@@ -178,7 +178,7 @@ def projected_gradient(gradient: np.ndarray, above: Sequence[Level], bounds: Bou
         return float(np.abs(np.clip(-scale * gradient, bounds.lower, bounds.upper)).max()) / scale
     Z = np.eye(n)[:, bounds.lower < bounds.upper]
     for level in above:
-        Z = _subspace(Z, level.rows, level.rank_threshold)
+        Z = subspace(Z, level.rows, level.rank_threshold)
     if Z.shape[1] == 0:
         return 0.0
     problem = build_next(Level(np.eye(n), scale * gradient, np.eye(n)), bounds, np.zeros(n), Z)
@@ -186,7 +186,7 @@ def projected_gradient(gradient: np.ndarray, above: Sequence[Level], bounds: Bou
     return float(np.abs(dq).max()) / scale
 
 
-def _subspace(Z: np.ndarray, rows: np.ndarray, threshold: float) -> np.ndarray:
+def subspace(Z: np.ndarray, rows: np.ndarray, threshold: float) -> np.ndarray:
     """The part (n, k') of the subspace with basis Z (n, k) that the rows (m, n) do not feel."""
     Z = Z @ null_space(rows @ Z, threshold, size=largest_row(rows))
     Z[np.abs(Z) < NO_PART] = 0.0

@@ -49,7 +49,14 @@ from maira_qp.results.status import StepStatus
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.reference.context import Context
-from maira_qp.solvers.reference.step_models import LEAST_DAMPING, Reach, TickModel, is_near, tick_models
+from maira_qp.solvers.reference.step_models import (
+    LEAST_DAMPING,
+    Reach,
+    TickModel,
+    are_reached,
+    is_near,
+    tick_models,
+)
 
 HALVINGS = 12
 
@@ -181,15 +188,14 @@ def _status(
     context: Context,
 ) -> StepStatus:
     """What the arm is doing; `wanted` (n,) is the velocity that the QPs ask for, gradient the tasks' free one."""
-    options, residuals = context.options, [task.residual(at) for task in tasks]
-    if all(p <= options.position_tolerance and o <= options.orientation_tolerance for p, o in residuals):
+    if are_reached(tasks, at, context.options):
         return StepStatus.ARRIVED
     slow = resting_speed(context.robot)
     if (np.abs(velocity) > slow).any():
         return StepStatus.MOVING
     if (np.abs(wanted) > slow).any():
         return StepStatus.STUCK
-    return StepStatus.NEAREST if gradient <= options.stationarity_tolerance else StepStatus.MOVING
+    return StepStatus.NEAREST if gradient <= context.options.stationarity_tolerance else StepStatus.MOVING
 
 
 def resting_speed(robot: Robot) -> np.ndarray:
@@ -240,7 +246,7 @@ def _models(
     """The levels in falling priority."""
     levels = levels_of(cost, redundancy)
     reach = Reach.of(bounds, context.bounds(at), context.robot.velocity_limit * now.dt)
-    models = tick_models([each.without_wishes() for each in levels], at, reach, context.options.damping)
+    models = tick_models([each.without_wishes() for each in levels], at, reach, context.options)
     wished = [
         replace(model.level, wishes=each.tasks.wishes(at, now)) for each, model in zip(levels, models, strict=True)
     ]

@@ -1,14 +1,15 @@
 """The quadratic models of the levels of a control tick.
 
 With A (m, n) the weighted rows of a level's tasks, r their weighted error, K the rows of what goes before it (the
-levels above, and the limits that it is pressed against), and the joints left out that a limit holds, r splits into what
-steps in the null space of K can take away and what they leave:
+levels above, and the limits that it is pressed against), and Z a basis of their null space in the joints that no limit
+holds, r splits into what the steps Z z can take away and what they leave:
 
-    r' = F^4 r,   F r = nu y,   [ K K^T + eps I      K A^T       ] [x]   [0]
-                                [    A K^T       A A^T + nu I    ] [y] = [r]
+    r' = F^4 r,   F = nu (A Z Z^T A^T + nu I)^-1
 
 F is the identity for what A cannot reach and vanishes for what it can; the change comes where singular values pass
-sqrt(nu), the share `SINGULAR` of the size of A, and its fourth power makes it sharp. Only what is left bends a model:
+sqrt(nu), the share `SINGULAR` of the size of A, and its fourth power makes it sharp. Z is that of the hierarchy: a
+direction in which a row of K is as weak as 1e-8, as in arms whose right angles are rounded, is not left to the level,
+and what only it could take away stays. Only what is left bends a model:
 
     H = A^T A - sum_k r'_k d2 e_k / dq2 + sum_k lambda'_k dK_k / dq,   K^T lambda' = A^T r'
     c = -A^T r (each task's part times its gain)
@@ -26,14 +27,16 @@ would cost it: those directions in the null space of its rows in which its Hessi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from maira_qp.problem.limits.joint import Bounds
+from maira_qp.problem.options import Options
 from maira_qp.problem.qp.costs import HESSIAN_RANK_THRESHOLD, LevelObjective, TaskCost
-from maira_qp.problem.qp.hierarchy import Level, largest_row, null_space
+from maira_qp.problem.qp.hierarchy import RANK_THRESHOLD, Level, largest_row, null_space, subspace
+from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.model.configuration import Configuration
 
 SINGULAR = 1e-2
@@ -68,6 +71,9 @@ How directions bend in which a level above does, nothing tells: below such a lev
 
 WORTH = 2e-9
 """A share of |r'| sqrt(max |H|): a step that takes away less than this of the error per rad or m is not taken."""
+
+FAINT = 1e-5
+"""The same share of |r| sqrt(max |H|) where the targets are reached within the tolerances."""
 
 LEAST_DAMPING = 1e-7
 """Floor of the damping as a share of the largest entry of H: the shortest of the steps that do the same."""
@@ -119,7 +125,13 @@ class TickModel:
     """Norm of its gradient where nothing holds it, as a share of |r'| sqrt(max |H|) where that is larger than 1"""
 
 
-def tick_models(levels: Sequence[LevelObjective], at: Configuration, reach: Reach, damping: float) -> list[TickModel]:
+def are_reached(tasks: Iterable[Task], at: Configuration, options: Options) -> bool:
+    """Whether every target is reached within the tolerances."""
+    residuals = [task.residual(at) for task in tasks]
+    return all(p <= options.position_tolerance and o <= options.orientation_tolerance for p, o in residuals)
+
+
+def tick_models(levels: Sequence[LevelObjective], at: Configuration, reach: Reach, options: Options) -> list[TickModel]:
     """The models of the levels in falling priority."""
     models: list[TickModel] = []
     K, is_bent = np.empty((0, at.n)), False
@@ -127,17 +139,18 @@ def tick_models(levels: Sequence[LevelObjective], at: Configuration, reach: Reac
         A, r = level.tasks.rows(at)
         g, W = level.gradient(at), level.objective_hessian(at)
         held, G = holding(K, g, reach)
-        left = remaining_error(A, r, np.vstack([G, K]), held, level, W, at)
+        Z = left_to_level([G, *(model.level.rows for model in models)], held)
+        left = remaining_error(A, r, Z, held, level, W, at)
         pressed, bending = (balance(np.vstack([G, K]), each, held) for each in (g, g + A.T @ (r - left)))
-        free = np.where(held, 0.0, g + np.vstack([G, K]).T @ pressed)
+        free = float(np.linalg.norm(Z.T @ g))
         bends = bool(left @ left > max(BENDS**2 * (r @ r), NOTHING**2))
         C = _upright(W) if level.objectives and number == 0 else W
         C = C + _curvature_above(levels[:number], models, at, bending[len(G) :])
         C = C + _curvature(level.tasks, at, left) if bends else C
         H = A.T @ A + C
         largest, squared = float(np.abs(H).max()), float(left @ left)
-        steep = float(np.sqrt(squared / (largest + TINY)) * np.linalg.norm(free))
-        mu = damping * min(max(steep, STEEP * squared), squared, 1.0)
+        steep = float(np.sqrt(squared / (largest + TINY))) * free
+        mu = options.damping * min(max(steep, STEEP * squared), squared, 1.0)
         mu += LEAST_DAMPING * largest + level.tasks.damping(at)
         size = float(np.sqrt(squared * largest))
         flat = HESSIAN_RANK_THRESHOLD * largest if level.objectives else FLAT * size
@@ -147,9 +160,9 @@ def tick_models(levels: Sequence[LevelObjective], at: Configuration, reach: Reac
         rows = np.vstack([A, bent])
         saddle = SADDLE * size if steep <= STATIONARY * squared and not is_bent else np.inf
         model = Level(H, level.pull(at), rows, level.cost(at), float(r @ r))
-        model = replace(model, saddle=saddle, still=WORTH * size) if bends else model
-        gradient = float(np.linalg.norm(free)) / max(1.0, size)
-        models.append(TickModel(model.damped(mu), pressed[len(G) :], len(bent), gradient))
+        still = FAINT * float(np.sqrt(r @ r * largest)) if are_reached(level.tasks.tasks, at, options) else 0.0
+        model = replace(model, saddle=saddle if bends else None, still=max(still, WORTH * size if bends else 0.0))
+        models.append(TickModel(model.damped(mu), pressed[len(G) :], len(bent), free / max(1.0, size)))
         K, is_bent = np.vstack([K, rows]), is_bent or (bends and len(bent) > 0)
     return models
 
@@ -186,32 +199,36 @@ def balance(K: np.ndarray, g: np.ndarray, held: np.ndarray) -> np.ndarray:
     return -np.linalg.solve(K @ K.T + _dependent(K) * np.eye(len(K)), K @ g)
 
 
+def left_to_level(above: Sequence[np.ndarray], held: np.ndarray) -> np.ndarray:
+    """A basis (n, k) of the null space of the rows of each level above, in the joints that are not `held` (n,)."""
+    Z = np.eye(len(held))[:, ~held]
+    for rows in above:
+        Z = subspace(Z, rows, RANK_THRESHOLD)
+    return Z
+
+
 def remaining_error(
     A: np.ndarray,
     r: np.ndarray,
-    K: np.ndarray,
+    Z: np.ndarray,
     held: np.ndarray,
     level: LevelObjective,
     W: np.ndarray,
     at: Configuration,
 ) -> np.ndarray:
-    """What steps in the null space of K, of the joints that nothing holds, leave of the error r (m,) of the rows A.
+    """What steps Z z leave of the error r (m,) of the rows A, Z (n, k) without the joints that are `held` (n,).
 
     Where objectives count beside the tasks, W their Hessian, it is what the step to the least sum leaves.
     """
-    A, K = np.where(held, 0.0, A), np.where(held, 0.0, K)
-    k, m, nu = len(K), len(A), max(SINGULAR**2 * float((A * A).sum()), TINY)
-    if m and level.objectives:
-        free = np.eye(at.n)[:, ~held]
-        Z = free @ null_space(K @ free, DEPENDENT)
-        values, V = np.linalg.eigh(Z.T @ (A.T @ A + W) @ Z)
+    AZ, nu = A @ Z, max(SINGULAR**2 * float((A[:, ~held] ** 2).sum()), TINY)
+    if len(A) and level.objectives:
+        values, V = np.linalg.eigh(AZ.T @ AZ + Z.T @ W @ Z)
         lifted = np.abs(values) + nu * SINGULAR**3
         g = sum(each.weight * each.objective.gradient(at) for each in level.objectives)
-        return r - A @ Z @ V @ (V.T @ Z.T @ (A.T @ r - g) / lifted)
-    S = np.vstack([K, A])
-    M = S @ S.T + np.diag(np.concatenate([np.full(k, _dependent(K)), np.full(m, nu)]))
-    for _ in range(FILTER if m else 0):
-        r = nu * np.linalg.solve(M, np.concatenate([np.zeros(k), r]))[k:]
+        return r - AZ @ V @ (V.T @ (AZ.T @ r - Z.T @ g) / lifted)
+    M = AZ @ AZ.T + nu * np.eye(len(A))
+    for _ in range(FILTER):
+        r = nu * np.linalg.solve(M, r)
     return r
 
 

@@ -85,6 +85,34 @@ def test_three_levels_in_conflict_come_to_rest(name, seeds, backend):
         assert step.status == mq.StepStatus.NEAREST, seed
 
 
+@pytest.mark.parametrize(
+    ("within_reach", "seeds", "backend"),
+    [(False, (3, 8, 19, 28), None), (True, (0, 3, 11, 12, 16), None), (False, [19], "daqp"), (True, [0], "daqp")],
+)
+def test_rows_of_rounded_right_angles_keep_no_arm_moving(within_reach, seeds, backend):
+    """xArm7's link 4 keeps its distance from the shoulder but for the rounding of its model's angles.
+
+    So one of the rows of its position is as weak as 1e-10 to 1e-6, and the level below must not move along it.
+    """
+    robot = load("xarm7")
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        target = robot.forward(robot.random_configuration(rng))
+        if within_reach:
+            elbow, point = robot.forward(robot.random_configuration(rng), "link4"), rng.uniform(-1, 1, 3)
+        else:
+            elbow, point = mq.pose(rng.uniform(-1.5, 1.5, 3)), rng.uniform(-1.5, 1.5, 3)
+        tasks = [
+            mq.OrientationTask(target=target),
+            mq.PositionTask(frame="link4", target=elbow, priority=2),
+            mq.LookAtTask(point=point, priority=3),
+        ]
+        solver = mq.Solver(robot, task=tasks, backend=backend)
+        step, quiet = until_rest(solver, robot.random_configuration(rng))
+        assert quiet, seed
+        assert step.status == mq.StepStatus.NEAREST, seed
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("name", ["maira", "iiwa14"])
 def test_a_stretched_arm_leaves_its_singular_zeros(name, backend):
