@@ -25,7 +25,7 @@ from maira_qp.apps.commands.solve import Solve
 from maira_qp.apps.commands.track import Track
 from maira_qp.apps.commands.urdf import Urdf
 from maira_qp.apps.commands.view import View
-from maira_qp.apps.left_pipes import drop_output
+from maira_qp.apps.left_pipes import drop_output, replace_closed_streams
 from maira_qp.errors import MairaError, OptionError, listed
 
 MISUSE = 2
@@ -61,6 +61,7 @@ Command = (
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command and returns its exit code; `arguments` None: those of the process."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
+    replace_closed_streams()
     code = PIPE_CLOSED
     try:
         with _terminable():

@@ -46,6 +46,9 @@ _NOT_GIVEN = float("nan")
 LARGEST_STEP = 0.5
 """How far a joint moves between two poses of a path at most [rad, or of the arm's length], unless it is said."""
 
+ANY_STEP = 1e9
+"""A larger step is no limit either [rad or m], and may be too large a number to compute with."""
+
 VERBS = ("solve", "solve_batch", "step")
 """What `Solver.engine_for` knows."""
 
@@ -319,9 +322,9 @@ class Solver(Shown):
 
         Raises `PoseError`, `ConfigurationError`, `OptionError`.
         """
-        targets = self.problem.targets(path, "pose of the path")
+        targets = self.problem.targets(path, "path pose")
         if not targets.is_finite.all():
-            raise PoseError(f"the pose of the path {int(np.flatnonzero(~targets.is_finite)[0])} holds NaN or inf")
+            raise PoseError(f"the path pose {int(np.flatnonzero(~targets.is_finite)[0])} holds NaN or inf")
         if not is_count(max_reconfigurations, 0):
             raise OptionError(f"max_reconfigurations must be a whole number from 0, got {shown(max_reconfigurations)}")
         if not isinstance(loop, (bool, np.bool_)):
@@ -358,6 +361,7 @@ class Solver(Shown):
             )
             if not (step > 0.0).all():
                 raise OptionError(f"max_step must be positive, got {shown(max_step)}")
+            step = np.minimum(step, ANY_STEP)
         if dt is None:
             return step
         if not is_number(dt) or not 0 < dt < math.inf:

@@ -247,3 +247,15 @@ def test_a_reader_that_goes_away_does_not_change_the_verdict(line):
     os.close(write)
     assert (ran.returncode, ran.stderr) == (0, "")
     assert line.with_suffix(".path.csv").exists()
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
+def test_streams_that_are_closed_are_not_written_to(line, closed):
+    command = f"{sys.executable} -m maira_qp track {line} {closed}"
+    ran = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
+    assert ran.returncode == 0
+    assert "Traceback" not in ran.stderr
+    missing = subprocess.run(
+        ["sh", "-c", f"{command.replace(str(line), 'absent.csv')}"], capture_output=True, check=False
+    )
+    assert missing.returncode == 2

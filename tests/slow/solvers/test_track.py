@@ -195,6 +195,12 @@ def test_short_paths(count):
     assert path.max_joint_step < 1e-6
 
 
+@pytest.mark.parametrize("step", [1e308, np.inf])
+def test_any_step_may_be_allowed(step):
+    path = mq.Solver(mq.Robot.maira()).track(circle(20), max_step=step)
+    assert path, path.reason
+
+
 def test_results_are_saved(rng):
     robot = mq.Robot.maira()
     path = mq.Solver(robot).track(poses_along(robot, smooth_motion(robot, rng, 20)))
@@ -217,9 +223,9 @@ def test_results_are_saved(rng):
         ({"seed": -1}, OptionError, "seed"),
         ({"loop": "yes"}, OptionError, "loop"),
         ({"path": np.eye(4)}, PoseError, "path"),
-        ({"path": np.zeros((3, 4, 4))}, PoseError, "pose of the path 0"),
-        ({"path": np.full((2, 4, 4), np.nan)}, PoseError, "pose of the path 0"),
-        ({"path": "here"}, PoseError, "path"),
+        ({"path": np.zeros((3, 4, 4))}, PoseError, "path pose 0"),
+        ({"path": np.full((2, 4, 4), np.nan)}, PoseError, "path pose 0"),
+        ({"path": "here"}, PoseError, "path poses must be a sequence"),
     ],
 )
 def test_bad_calls_are_explained(changes, error, words):
