@@ -320,10 +320,10 @@ def test_obstacles_are_added_measured_and_removed(tab, viewer):
     tab.wait(lambda: not viewer.current.obstacles)
 
 
-def test_a_path_is_recorded_played_saved_and_downloaded(tab, viewer, tmp_path, monkeypatch):
+def test_a_motion_is_recorded_played_saved_and_downloaded(tab, viewer, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     session = viewer.current
-    tab.open("Path")
+    tab.open("Motion")
     tab.click("Play")  # nothing yet: the page says so, and goes on
     tab.page.get_by_text("nothing is recorded yet").first.wait_for(timeout=1000 * PATIENCE)
     tab.click("Record")
@@ -332,17 +332,17 @@ def test_a_path_is_recorded_played_saved_and_downloaded(tab, viewer, tmp_path, m
     tab.wait(lambda: not session.is_recording)
     tab.click("Play")
     tab.click("Save where the viewer runs")
-    tab.wait(lambda: Path("path.csv").exists())
-    rows = np.genfromtxt("path.csv", delimiter=",", names=True)
+    tab.wait(lambda: Path("motion.csv").exists())
+    rows = np.genfromtxt("motion.csv", delimiter=",", names=True)
     np.testing.assert_allclose(rows["q_joint1"], session.recording.q[:, 0])
     with tab.page.expect_download(timeout=1000 * PATIENCE) as download:
         tab.click("Download")
-    assert Path(download.value.path()).read_bytes() == Path("path.csv").read_bytes()
-    tab.write(0, "../path.csv")
+    assert Path(download.value.path()).read_bytes() == Path("motion.csv").read_bytes()
+    tab.write(0, "../motion.csv")
     tab.page.wait_for_timeout(500)
     tab.click("Save where the viewer runs")
     tab.page.get_by_text("cannot be the file's name").wait_for(timeout=1000 * PATIENCE)
-    assert not Path("../path.csv").exists()
+    assert not Path("../motion.csv").exists()
 
 
 def test_another_robot_is_picked_and_a_wrong_file_is_told(tab, viewer):
