@@ -66,8 +66,8 @@ class Panel:
             self._obstacles = ObstaclesTab(gui, session, ask)
         with tabs.add_tab("Path"):
             self._path = PathTab(gui, session, ask)
-        with tabs.add_tab("Motion"):
-            self._motion = MotionTab(gui, ask)
+            with gui.add_folder("Recorded motion", expand_by_default=False):
+                self._motion = MotionControls(gui, ask)
         with tabs.add_tab("Robot"):
             self._robot = RobotTab(gui, session.robot, loaded, ask)
 
@@ -209,7 +209,7 @@ class ObstaclesTab:
         self._distances.content = readout.distances(view)
 
 
-class MotionTab:
+class MotionControls:
     """A motion is recorded, played, saved where the viewer runs, or downloaded."""
 
     def __init__(self, gui: viser.GuiApi, ask: Ask) -> None:

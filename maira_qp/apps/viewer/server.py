@@ -24,7 +24,7 @@ from maira_qp.apps.viewer.panel import Loaded, Panel
 from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.tips import tips_in
 from maira_qp.apps.viewer.view import View
-from maira_qp.errors import FrameError, MairaError, OptionError
+from maira_qp.errors import FrameError, MairaError, OptionError, PoseError
 from maira_qp.paths import from_csv
 
 log = logging.getLogger(__name__)
@@ -111,7 +111,10 @@ class Viewer:
                 raise OptionError(f"a path is a CSV file of at most {LARGEST_UPLOAD >> 20} MB")
             file = Path(directory) / "path.csv"
             file.write_bytes(content)
-            self._lay(name, from_csv(file, degrees=degrees))
+            try:
+                self._lay(name, from_csv(file, degrees=degrees))
+            except PoseError as reason:
+                raise PoseError(str(reason).replace(str(file), name)) from reason
 
     def _lay(self, name: str, poses: np.ndarray) -> None:
         self._loop.mailbox.put("path file", lambda session: session.lay(session.route.with_file(name, poses)))

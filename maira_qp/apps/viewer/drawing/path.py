@@ -59,19 +59,14 @@ class PathDrawing:
         )
 
     def _draw_line(self, route: Route, path: Followed | None) -> None:
+        """Two lines: a page takes the colours of single segments for linear ones, and shows them paler."""
         begins, ends, lost = segments(len(route), None if path is None else path.lost)
-        if not len(begins):
-            return
-        points = route.poses[:, :3, 3]
-        colours = np.where(lost[:, None], LOST, UNKNOWN if path is None else FOLLOWED).astype(np.uint8)
-        self._handles.append(
-            self._scene.add_line_segments(
-                "/path/line",
-                np.stack([points[begins], points[ends]], axis=1),
-                np.repeat(colours[:, None], 2, axis=1),
-                thickness=0.005 * self._size,
-            )
-        )
+        lines = np.stack([route.poses[begins, :3, 3], route.poses[ends, :3, 3]], axis=1)
+        for name, chosen, colour in ("line", ~lost, UNKNOWN if path is None else FOLLOWED), ("lost", lost, LOST):
+            if chosen.any():
+                self._handles.append(
+                    self._scene.add_line_segments(f"/path/{name}", lines[chosen], colour, thickness=0.005 * self._size)
+                )
 
     def _draw_failures(self, route: Route, path: Followed) -> None:
         """The first is named."""

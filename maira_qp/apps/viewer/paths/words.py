@@ -18,7 +18,7 @@ def at_pose(station: Station) -> str:
     path, k = station.path, station.index
     where = f"pose {k} of 0 to {len(path) - 1}: {_error(path, k)}"
     reasons = [failure.reason for failure in path.failures.get(k, ())]
-    return "; ".join([*reasons, where, *_step(path, k)])
+    return "; ".join([where, *reasons, *_step(path, k)])
 
 
 def given(route: Route) -> str:
@@ -45,11 +45,12 @@ def outcome(view: PathView) -> str:
     if path:
         return f"Followed whole, in {took}."
     missed = int((~path.success).sum())
-    counts = f"{_poses(missed)} not reached, {_counted(path.reconfigurations, 'break')}"
+    counts = [f"{_poses(missed)} not reached"] if missed else []
+    counts += [_counted(path.reconfigurations, "step") + " not along the path"] if path.reconfigurations else []
     parts = [f"{first} to {last - 1}" if last - first > 1 else f"{first}" for first, last in path.parts]
     more = f" and {len(parts) - MOST_PARTS} more parts" if len(parts) > MOST_PARTS else ""
     kept = f"followed: {', '.join(parts[:MOST_PARTS]) or 'nothing'}{more}"
-    return f"Breaks at pose {path.first_failure}: {path.reason}. In all {counts}; {kept}; in {took}."
+    return f"Breaks at pose {path.first_failure}: {path.reason}. In all {', '.join(counts)}; {kept}; in {took}."
 
 
 def why(view: PathView) -> str:
@@ -69,7 +70,7 @@ def html(view: PathView, good: str, bad: str, quiet: str) -> str:
     colour = good if is_whole else quiet if view.is_sought else bad
     lines = (given(view.route), quiet), (outcome(view), colour), (why(view), quiet)
     items = "".join(f'<div style="color:{colour}">{escape(text)}</div>' for text, colour in lines if text)
-    return f'<div style="padding:0 0.75em;font-size:0.8em;line-height:1.4;overflow-wrap:anywhere">{items}</div>'
+    return f'<div style="padding:0 0.75em 0.75em;font-size:0.8em;line-height:1.4;overflow-wrap:anywhere">{items}</div>'
 
 
 def _error(path: Followed, k: int) -> str:
