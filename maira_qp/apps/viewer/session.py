@@ -11,7 +11,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -20,7 +20,8 @@ from maira_qp.apps.viewer.answers import Fitted, Ghosts, Job, Verdict, explained
 from maira_qp.apps.viewer.drawing.surroundings import Clearance, clearances, first_in_the_way, too_near
 from maira_qp.apps.viewer.elbow import Elbow, elbow_finder
 from maira_qp.apps.viewer.motions import Along, Go, Motion, Replay, Swivel
-from maira_qp.apps.viewer.paths.followed import Followed, PathView, followed, proved
+from maira_qp.apps.viewer.paths.followed import Followed, Station
+from maira_qp.apps.viewer.paths.pursuit import Pursuit
 from maira_qp.apps.viewer.paths.route import Route
 from maira_qp.apps.viewer.recording import Recording
 from maira_qp.apps.viewer.start import bent_configuration
@@ -53,16 +54,6 @@ RESTS = 20
 """Ticks after which a target that was not moved counts as put down."""
 
 
-class Sought(NamedTuple):
-    """A path that is being followed."""
-
-    route: Route
-    start: np.ndarray | None
-    """(n,) near which it begins; None: anywhere"""
-    target: pin.SE3
-    """As it was when the path was asked for"""
-
-
 class Session:
     """One robot at work. Not for several threads at once, jobs aside."""
 
@@ -78,7 +69,7 @@ class Session:
         self.shows_ghosts = False
         self.recording = Recording(robot)
         self.is_recording = False
-        self.route = Route()
+        self._path = Pursuit()
         self._find_elbow = elbow_finder(robot)
         self._solver = Solver(robot, redundancy=self.redundancy)
         self._plain = Solver(robot)
@@ -98,10 +89,6 @@ class Session:
         self._elbow: tuple[np.ndarray, Elbow | None] | None = None
         self._notice = ""
         self._is_rebuilding = False
-        self._followed: Followed | None = None
-        self._sought: Sought | None = None
-        self._is_explained = False
-        self._path_notice = ""
         self._stale = {"verdict"}
 
     # What is asked for
@@ -194,30 +181,26 @@ class Session:
 
     def lay(self, route: Route) -> None:
         """The path is another; what was found for the last one is forgotten. Raises `OptionError` if it is too long."""
-        len(route)
-        self._forget_path()
-        self.route = route
+        self._path.lay(route)
+        self._leave_path()
 
     def follow_path(self, is_from_here: bool) -> None:
         """The path is to be followed from near where the arm is, or from any configuration. Raises `OptionError`."""
-        if not len(self.route):
-            raise OptionError("there is no path yet: add poses, or take a circle or a file")
-        self._forget_path()
-        self._sought = Sought(self.route, self.q if is_from_here else None, self.target)
-        self._stale.add("path")
+        self._path.seek(self.q if is_from_here else None, partial(self._begin_path, self.target))
+        self._leave_path()
 
     def stand_at(self, index: int) -> None:
         """The arm is shown at a pose of the path, the nearest that there is. Raises `OptionError`."""
-        self._on_path.stand_at(index)
+        self._along_path().stand_at(index)
 
     def stand_at_next_failure(self) -> None:
         """The arm is shown where the path fails next, counted round and round. Raises `OptionError`."""
-        along = self._on_path
+        along = self._along_path()
         along.stand_at(along.station.path.next_failure(along.station.index))
 
     def play_path(self, rate: float) -> None:
         """The arm goes on along the path, by so many poses a second at most. Raises `OptionError`."""
-        self._on_path.play(rate)
+        self._along_path().play(rate)
 
     def pause_path(self) -> None:
         """The arm stays at the pose of the path that it is at, if it is at one."""
@@ -226,11 +209,7 @@ class Session:
 
     def explain_path(self) -> None:
         """A proof is looked for that the path cannot be followed further. Raises `OptionError`."""
-        if self._followed is None or self._followed.solution:
-            raise OptionError("there is no path that breaks")
-        self._is_explained = self._followed.proof is None
-        if self._is_explained:
-            self._stale.add("proof")
+        self._path.explain()
 
     # What happens
 
@@ -279,15 +258,17 @@ class Session:
 
     def next_long_job(self) -> Job | None:
         """A path, its proof, or the solutions of a target that rests, if they are asked for: this may take seconds."""
-        if "path" in self._stale and self._sought is not None and not self._is_rebuilding:
-            sought = self._sought
-            think = partial(followed, self._solver, sought.route, sought.start)
-            return self._taken("path", Job(think, partial(self._use_path, sought)))
-        if "proof" in self._stale and self._followed is not None:
-            return self._taken("proof", Job(partial(proved, self._followed), self._use_proof))
+        job = None if self._is_rebuilding else self._path.next_job(self._solver)
+        if job is not None:
+            return job
         if not self.shows_ghosts or "ghosts" not in self._stale or self._target_still < RESTS:
             return None
         return self._taken("ghosts", Job(partial(ghosts_of, self._plain, self.target), self._use_ghosts))
+
+    @property
+    def route(self) -> Route:
+        """The path that is to be followed."""
+        return self._path.route
 
     @property
     def redundancy(self) -> Strict | Weighted | None:
@@ -348,42 +329,33 @@ class Session:
     # Paths
 
     @property
-    def _on_path(self) -> Along:
-        """The motion along the path that was followed, begun if it is not. Raises `OptionError`."""
-        if self._followed is None:
-            raise OptionError("no path is followed yet: choose one, and press Follow")
-        if not isinstance(self._motion, Along):
-            self._start(Along(self.robot, self._followed))
-            assert isinstance(self._motion, Along)
-        return self._motion
+    def _station(self) -> Station | None:
+        """Where on the path the arm is; None: it is moved by something else."""
+        return self._motion.station if isinstance(self._motion, Along) else None
 
-    def _forget_path(self) -> None:
-        """What was found for a path that is no more, or among other obstacles, is not shown and not waited for."""
+    def _along_path(self) -> Along:
+        """The motion along the path that was followed, begun if it is not. Raises `OptionError`."""
+        if isinstance(self._motion, Along):
+            return self._motion
+        if self._path.followed is None:
+            raise OptionError("no path is followed yet: choose one, and press Follow")
+        along = Along(self.robot, self._path.followed)
+        self._start(along)
+        return along
+
+    def _begin_path(self, target: pin.SE3, path: Followed) -> None:
+        """It is shown, unless something else was done with the arm since its target was this one."""
+        if self.target is target and self._motion is None:
+            self._start(Along(self.robot, path))
+
+    def _leave_path(self) -> None:
         if isinstance(self._motion, Along):
             self._halt()
-        self._followed, self._sought, self._is_explained, self._path_notice = None, None, False, ""
-        self._stale -= {"path", "proof"}
 
-    def _use_path(self, sought: Sought, answer: Followed | str) -> None:
-        """It is shown from its beginning, unless something else was done with the arm in the meantime."""
-        if sought is not self._sought:
-            return
-        self._sought = None
-        if isinstance(answer, str):
-            self._path_notice = answer
-            return
-        self._followed = answer
-        if self.target is sought.target and self._motion is None:
-            self._start(Along(self.robot, answer))
-
-    def _use_proof(self, answer: Followed) -> None:
-        if self._followed is not None and answer.solution is self._followed.solution:
-            self._followed, self._is_explained = answer, False
-
-    def _path_view(self) -> PathView:
-        station = self._motion.station if isinstance(self._motion, Along) else None
-        is_sought = self._sought is not None
-        return PathView(self.route, self._followed, station, is_sought, self._is_explained, self._path_notice)
+    def _forget_path(self) -> None:
+        """What was found of a path does not hold for another problem."""
+        self._path.forget()
+        self._leave_path()
 
     # Another way round, where ticks get no further or the arm is where it must not be
 
@@ -437,7 +409,7 @@ class Session:
     def _standing(self, position: float, orientation: float) -> Standing:
         """Of the arm as it is drawn, with what is left of the errors [m, rad]."""
         options, answer = self._solver.options, self._answer
-        station = self._motion.station if isinstance(self._motion, Along) else None
+        station = self._station
         if station is not None and station.index in station.path.failures:
             return Standing.OFF_PATH
         if self._too_near:
@@ -511,6 +483,6 @@ class Session:
             in_the_way=self._in_the_way if self._answer is self._tried else None,
             ghosts=ghosts,
             elbow=self.elbow,
-            path=self._path_view(),
+            path=self._path.view(self._station),
             notice=self._notice,
         )

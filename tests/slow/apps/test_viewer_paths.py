@@ -207,7 +207,7 @@ def test_poses_out_of_reach_are_named_and_visited(session, home):
     distance = np.linalg.norm(session.route.poses[:, :3, 3] - [0, 0, 0.438], axis=1)
     assert not path.success[distance > 1.4 + 0.115].any()  # spans of the arm and of the tool
     first = path.first_failure
-    assert f"Breaks at pose {first}: " in readout.path(view)
+    assert f"Fails at pose {first}: " in readout.path(view)
     assert f"{int((~path.success).sum())} poses not reached" in readout.path(view)
     assert followed.lost.tolist() == (~path.success[:-1] | ~path.success[1:]).tolist()
     visited = []

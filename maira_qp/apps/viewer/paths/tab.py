@@ -16,7 +16,7 @@ from maira_qp.errors import OptionError
 
 FROM_HERE, FROM_ANYWHERE = "Where the arm is", "Anywhere"
 ADD, UNDO, CLEAR = "Add pose", "Undo", "Clear"
-PLAY, PAUSE, NEXT, WHY = "Play", "Pause", "Next break", "Why?"
+PLAY, PAUSE, NEXT, WHY = "Play", "Pause", "Next failure", "Why?"
 
 
 class PathTab:
@@ -31,7 +31,7 @@ class PathTab:
         self._at = Slider(gui.add_slider("Pose", 0.0, 1.0, 1.0, 0.0, visible=False), self._stand_at)
         self._speed = gui.add_number("Poses a second", 20.0, min=0.1, max=1e4, visible=False)
         self._playing = gui.add_button_group("Arm", (PLAY, PAUSE), visible=False)
-        self._failing = gui.add_button_group("Failure", (NEXT, WHY), visible=False)
+        self._failing = gui.add_button_group("Failures", (NEXT, WHY), visible=False)
         with gui.add_folder("Save", expand_by_default=False):
             add_saving(gui, "path.csv", self._what_is_saved, ask)
 
