@@ -62,10 +62,11 @@ class PathDrawing:
         """Two lines: a page takes the colours of single segments for linear ones, and shows them paler."""
         begins, ends, lost = segments(len(route), None if path is None else path.lost)
         lines = np.stack([route.poses[begins, :3, 3], route.poses[ends, :3, 3]], axis=1)
-        for name, chosen, colour in ("line", ~lost, UNKNOWN if path is None else FOLLOWED), ("lost", lost, LOST):
+        known = UNKNOWN if path is None else FOLLOWED
+        for name, chosen, colour, width in ("line", ~lost, known, 0.005), ("lost", lost, LOST, 0.007):
             if chosen.any():
                 self._handles.append(
-                    self._scene.add_line_segments(f"/path/{name}", lines[chosen], colour, thickness=0.005 * self._size)
+                    self._scene.add_line_segments(f"/path/{name}", lines[chosen], colour, thickness=width * self._size)
                 )
 
     def _draw_failures(self, route: Route, path: Followed) -> None:

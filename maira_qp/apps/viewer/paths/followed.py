@@ -52,8 +52,13 @@ class Followed:
         return lost
 
     def next_failure(self, index: int) -> int:
-        """The first pose behind `index` at which something fails, counted round and round; `index` if there is none."""
-        indices = list(self.failures)
+        """The next pose behind `index` where poses are no longer reached, or before which the path is left.
+
+        Counted round and round; `index` if the path is followed whole.
+        """
+        missed = ~self.solution.success
+        begins = np.flatnonzero(missed & ~np.concatenate([[False], missed[:-1]]))
+        indices = np.union1d(begins, self.solution.breaks).tolist()
         return next((k for k in indices if k > index), indices[0] if indices else index)
 
     def content(self, suffix: str) -> bytes:

@@ -50,7 +50,7 @@ def outcome(view: PathView) -> str:
     parts = [f"{first} to {last - 1}" if last - first > 1 else f"{first}" for first, last in path.parts]
     more = f" and {len(parts) - MOST_PARTS} more parts" if len(parts) > MOST_PARTS else ""
     kept = f"followed: {', '.join(parts[:MOST_PARTS]) or 'nothing'}{more}"
-    return f"Fails at pose {path.first_failure}: {path.reason}. In all {', '.join(counts)}; {kept}; in {took}."
+    return f"Fails at pose {path.first_failure}: {path.reason}. In all, {', '.join(counts)}; {kept}; in {took}."
 
 
 def why(view: PathView) -> str:
