@@ -303,12 +303,26 @@ def test_the_start_is_that_of_the_arm_or_any(session, home):
 
 
 def test_scrubbing_ends_at_the_ends(session, home):
+    """And the solver is not asked about the poses: the answer for the path says what there is to say."""
     recorded(session, home, moved(home, 0, 0.1, 0))
     session.follow_path(True)
-    tick(session, 2)
+    verdict = tick(session, 2).verdict
     for asked, there in ((-5, 0), (10**9, 20), (7, 7), (20, 20), (0, 0)):
         session.stand_at(asked)
-        assert tick(session).path.station.index == there
+        view = tick(session)
+        assert view.path.station.index == there
+        assert view.verdict is verdict
+
+
+def test_a_path_waits_for_the_solver_of_the_obstacles_as_they_are(session, home):
+    recorded(session, home, moved(home, 0, 0.1, 0))
+    session.avoid(True)
+    session.put_obstacle(mq.Sphere(0.05, mq.pose([3.0, 0, 0]), name="ball"))
+    session.follow_path(True)
+    rebuilding = session.next_job()
+    assert session.next_long_job() is None
+    rebuilding.write(rebuilding.think())
+    assert session.next_long_job() is not None
 
 
 def test_it_plays_to_the_end_stops_and_begins_again(session, home):
@@ -349,9 +363,12 @@ def test_playing_is_no_faster_than_the_joints(session, home):
     session.follow_path(True)
     tick(session, 2)
     session.play_path(1e6)
-    limit, seen = session.robot.velocity_limit, [session.q]
-    while len(seen) < 500 and tick(session).path.station.is_playing:
-        seen.append(session.q)
+    limit, seen, is_playing = session.robot.velocity_limit, [session.q], True
+    while is_playing and len(seen) < 500:
+        view = tick(session)
+        is_playing = view.path.station.is_playing
+        seen.append(view.q)
+    assert view.path.station.index == len(session.route) - 1
     travelled = np.abs(np.diff(seen, axis=0)).sum(axis=0)
     assert (travelled <= limit * DT * (len(seen) + 1)).all()
 
