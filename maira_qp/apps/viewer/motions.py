@@ -1,6 +1,7 @@
-"""How the arm gets on: toward the target, straight to a configuration, along its self-motion, along a recording.
+"""How the arm gets on: toward the target, straight to a configuration, along its self-motion, a recording or a path.
 
-A motion gives the next configuration, as far from the last as the speed limits allow in a tick.
+A motion gives the next configuration, as far from the last as the speed limits allow in a tick; on a path, which can be
+scrubbed, the arm is at one of the poses at any time.
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from maira_qp.apps.viewer.elbow import Elbow
+from maira_qp.apps.viewer.paths.followed import Followed, Station
 from maira_qp.apps.viewer.recording import Recording
+from maira_qp.errors import OptionError, shown
 from maira_qp.robots.model.robot import Robot
 
 SWIVEL_SPEED = 1.5
@@ -101,6 +104,51 @@ class Replay(Motion):
     def is_done(self) -> bool:
         """It is at its end."""
         return self._time >= self._recording.duration and self._start.is_done
+
+
+class Along(Motion):
+    """At the poses of a path that was followed, one after the other or as they are asked for; it ends with another."""
+
+    def __init__(self, robot: Robot, path: Followed) -> None:
+        """At the first pose."""
+        self._robot, self._path = robot, path
+        self._index, self._rate, self._time = 0, 0.0, 0.0
+
+    def next(self, q: np.ndarray, dt: float) -> np.ndarray:
+        """Exactly that of the pose; while it plays, no faster than the speed limits allow from pose to pose."""
+        rows, last = self._path.solution.q, len(self._path) - 1
+        self._time += dt
+        while self._rate and self._index < last:
+            way = rows[self._index + 1] - rows[self._index]
+            needed = max(1 / self._rate, _ticks(self._robot, way, 1.0))
+            if self._time < needed:
+                break
+            self._time -= needed
+            self._index += 1
+        if self._index == last:
+            self._rate = 0.0
+        return rows[self._index].copy()
+
+    @property
+    def is_done(self) -> bool:
+        """Never: the last pose is still one of the path."""
+        return False
+
+    @property
+    def station(self) -> Station:
+        """Where it is."""
+        return Station(self._path, self._index, self._rate > 0)
+
+    def stand_at(self, index: int) -> None:
+        """At a pose, the nearest that there is."""
+        self._index, self._rate = min(max(index, 0), len(self._path) - 1), 0.0
+
+    def play(self, rate: float) -> None:
+        """Onward by so many poses a second, from the beginning if it is at the end. Raises `OptionError`."""
+        if not 0.0 < rate < np.inf:
+            raise OptionError(f"the speed must be a positive number of poses a second, got {shown(rate)}")
+        self._index = 0 if self._index == len(self._path) - 1 else self._index
+        self._rate, self._time = rate, 0.0
 
 
 def _ticks(robot: Robot, way: np.ndarray, dt: float) -> float:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager
-from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -15,10 +12,10 @@ import viser
 from maira_qp.apps.arguments.output import Angles
 from maira_qp.apps.arguments.robot_choice import CATALOG
 from maira_qp.apps.viewer import readout
-from maira_qp.apps.viewer.recording import SUFFIXES, plain_name, save
+from maira_qp.apps.viewer.controls import Ask, Slider, add_saving
+from maira_qp.apps.viewer.paths.tab import PathTab
 from maira_qp.apps.viewer.session import Method, Session
 from maira_qp.apps.viewer.view import View
-from maira_qp.errors import OptionError
 from maira_qp.robots.collision.shapes import Box, Shape, Sphere
 from maira_qp.robots.model.robot import Robot
 
@@ -27,8 +24,6 @@ METHODS: dict[str, Method] = {
     "Weighted trade-off": "weighted",
     "Pose alone": "none",
 }
-UNTOUCHED = 0.4
-"""A slider that a person moved is left alone for so long [s]: what is shown is older than what was asked for."""
 KEYS_OF_SLIDERS = """
 <img hidden alt="" src="data:," onerror="
   if (!window.keysOfSliders) {
@@ -56,26 +51,6 @@ class Loaded(NamedTuple):
     """What of it could not be drawn"""
 
 
-class Ask(Protocol):
-    """What the controls ask: of the session, in its own thread, or of what is around it."""
-
-    def session(self, key: str, action: Callable[[Session], None]) -> None:
-        """Do this before the next tick, and nothing that was asked under the same key before and is not yet done."""
-
-    def robot(self, robot: str, tip: str | None, client: viser.ClientHandle | None) -> None:
-        """Another robot: a name of the catalog, or a file."""
-
-    def tip(self, tip: str, client: viser.ClientHandle | None) -> None:
-        """The robot that is shown, with another tip."""
-
-    def uploaded_robot(self, name: str, content: bytes, tip: str | None, client: viser.ClientHandle | None) -> None:
-        """Another robot, from a file that a browser sent."""
-
-    def failures(self, client: viser.ClientHandle | None) -> AbstractContextManager[None]:
-        """Errors within are told to the client."""
-        ...
-
-
 class Panel:
     """All controls, for one session."""
 
@@ -90,7 +65,9 @@ class Panel:
         with tabs.add_tab("Obstacles"):
             self._obstacles = ObstaclesTab(gui, session, ask)
         with tabs.add_tab("Path"):
-            self._path = PathTab(gui, ask)
+            self._path = PathTab(gui, session, ask)
+            with gui.add_folder("Recorded motion", expand_by_default=False):
+                self._motion = MotionControls(gui, ask)
         with tabs.add_tab("Robot"):
             self._robot = RobotTab(gui, session.robot, loaded, ask)
 
@@ -100,27 +77,8 @@ class Panel:
         self._reach.show(session, view)
         self._joints.show(view)
         self._obstacles.show(view)
-        self._path.show(session)
-
-
-class Slider:
-    """A slider that follows a value, but not while a person moves it."""
-
-    def __init__(self, handle: viser.GuiSliderHandle[float], moved: Callable[[float], None]) -> None:
-        self.handle = handle
-        self._touched = -UNTOUCHED
-
-        @handle.on_update
-        async def _(event: viser.GuiEvent) -> None:
-            if event.client is not None:
-                self._touched = time.monotonic()
-                moved(handle.value)
-
-    def show(self, value: float) -> None:
-        """The value is this."""
-        if time.monotonic() - self._touched > UNTOUCHED:
-            value = round(value / self.handle.step) * self.handle.step
-            self.handle.value = round(min(max(value, self.handle.min), self.handle.max), 6)
+        self._path.show(view)
+        self._motion.show(session)
 
 
 class ReachTab:
@@ -251,16 +209,14 @@ class ObstaclesTab:
         self._distances.content = readout.distances(view)
 
 
-class PathTab:
+class MotionControls:
     """A motion is recorded, played, saved where the viewer runs, or downloaded."""
 
     def __init__(self, gui: viser.GuiApi, ask: Ask) -> None:
         self._record = gui.add_button("Record", icon=viser.Icon.PLAYER_RECORD)
-        self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
+        play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
         stop = gui.add_button("Stop the arm", color="gray", icon=viser.Icon.PLAYER_STOP)
-        name = gui.add_text("File", "path.csv", hint=f"A name that ends in {' or '.join(SUFFIXES)}")
-        here = gui.add_button("Save where the viewer runs", icon=viser.Icon.DEVICE_FLOPPY)
-        download = gui.add_button("Download", icon=viser.Icon.DOWNLOAD)
+        add_saving(gui, "motion.csv", lambda: self._recording, ask)
         self._state = gui.add_html("")
         self._is_recording = False
 
@@ -269,7 +225,7 @@ class PathTab:
             wanted = not self._is_recording
             ask.session("record", lambda session: session.record(wanted))
 
-        @self._play.on_click
+        @play.on_click
         def _(_: viser.GuiEvent) -> None:
             ask.session("play", lambda session: session.play())
 
@@ -277,28 +233,11 @@ class PathTab:
         def _(_: viser.GuiEvent) -> None:
             ask.session("stop", lambda session: session.stop())
 
-        @here.on_click
-        def _(event: viser.GuiEvent) -> None:
-            with ask.failures(event.client):
-                path = save(self._recording, name.value, Path.cwd())
-                if event.client is not None:
-                    event.client.add_notification("Saved", str(path), auto_close_seconds=6, color="green")
-
-        @download.on_click
-        def _(event: viser.GuiEvent) -> None:
-            with ask.failures(event.client):
-                if not len(self._recording):
-                    raise OptionError("nothing is recorded yet")
-                chosen = plain_name(name.value)
-                if event.client is not None:
-                    content = self._recording.content(Path(chosen).suffix)
-                    event.client.send_file_download(chosen, content, save_immediately=True)
-
     def show(self, session: Session) -> None:
         """How long the recording is."""
         self._recording, self._is_recording = session.recording, session.is_recording
         self._record.label = "End the recording" if session.is_recording else "Record"
-        self._state.content = readout.path(session.recording)
+        self._state.content = readout.recording(session.recording)
 
 
 class RobotTab:

@@ -10,6 +10,7 @@ import numpy as np
 from maira_qp.apps.viewer.answers import Verdict
 from maira_qp.apps.viewer.drawing.surroundings import MARGIN, Clearance
 from maira_qp.apps.viewer.elbow import Elbow
+from maira_qp.apps.viewer.paths import words
 from maira_qp.apps.viewer.recording import Recording
 from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.view import Standing, View, limits_at
@@ -25,6 +26,8 @@ _COLOURS_OF_STANDING = {
     Standing.MOVING: QUIET,
     Standing.HELD_UP: POOR,
     Standing.ANSWERED: POOR,
+    Standing.ON_PATH: GOOD,
+    Standing.OFF_PATH: BAD,
 }
 
 
@@ -100,7 +103,12 @@ def ends(robot: Robot, elbow: Elbow | None) -> str:
     return _line(f"ends at {' and '.join(sides)}" if all(sides) else "\u00a0")
 
 
-def path(recording: Recording) -> str:
+def path(view: View) -> str:
+    """What the path is, how it is followed, and why no further."""
+    return words.html(view.path, GOOD, BAD, QUIET)
+
+
+def recording(recording: Recording) -> str:
     """How long a recording is."""
     rows, seconds = len(recording), recording.duration
     return _line(f"{seconds:.1f} s, {rows} configurations" if rows else "nothing is recorded yet")
@@ -142,9 +150,12 @@ def _headline(view: View) -> str:
 def sentence(view: View) -> str:
     """How the arm that is drawn stands to its target, for a person."""
     standing, blocking = view.standing, "" if view.in_the_way is None else f": {_pair(view.in_the_way)} is in the way"
+    pose = "" if view.path.station is None else words.at_pose(view.path.station)
     if standing is Standing.TOO_NEAR:
         near = "; ".join(f"{_pair(one)} {_apart(one.distance)}" for one in view.too_near)
-        return f"{near}, where {1e3 * MARGIN:.0f} mm are to be kept"
+        return "; ".join(filter(None, [f"{near}, where {1e3 * MARGIN:.0f} mm are to be kept", pose]))
+    if pose:
+        return pose
     if standing is Standing.REACHED:
         return "the tool is at the target within its tolerances"
     if standing is Standing.HELD_UP:
@@ -183,6 +194,8 @@ def _listed(names: list[str]) -> str:
 
 
 def _times(view: View) -> str:
+    if view.path.station is not None:
+        return f"path {1e3 * view.path.station.path.seconds:.0f} ms"
     tick = f"tick {1e6 * view.tick_seconds:.0f} µs" if view.tick_seconds else ""
     solve = "" if view.verdict is None else f"solve {1e3 * view.verdict.seconds:.2f} ms"
     return ", ".join(part for part in (tick, solve) if part) or "-"

@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import viser
 
 from maira_qp.apps.arguments.robot_choice import RobotChoice
@@ -23,7 +24,8 @@ from maira_qp.apps.viewer.panel import Loaded, Panel
 from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.tips import tips_in
 from maira_qp.apps.viewer.view import View
-from maira_qp.errors import FrameError, MairaError, OptionError
+from maira_qp.errors import FrameError, MairaError, OptionError, PoseError
+from maira_qp.paths import from_csv
 
 log = logging.getLogger(__name__)
 
@@ -96,6 +98,26 @@ class Viewer:
             file = Path(directory) / f"uploaded{suffix}"
             file.write_bytes(content)
             self._replace(_prepared(RobotChoice(robot=str(file), tip=tip), name, content))
+
+    def path_file(self, path: str, degrees: bool, client: viser.ClientHandle | None) -> None:
+        """Follow the path of a file; in a CSV file roll, pitch and yaw may be in degrees."""
+        with self.failures(client):
+            self._lay(Path(path).name, from_csv(path, degrees=degrees))
+
+    def uploaded_path(self, name: str, content: bytes, degrees: bool, client: viser.ClientHandle | None) -> None:
+        """Follow the path of a file that a browser sent; its name is only shown."""
+        with self.failures(client), tempfile.TemporaryDirectory() as directory:
+            if len(content) > LARGEST_UPLOAD:
+                raise OptionError(f"a path is a CSV file of at most {LARGEST_UPLOAD >> 20} MB")
+            file = Path(directory) / "path.csv"
+            file.write_bytes(content)
+            try:
+                self._lay(name, from_csv(file, degrees=degrees))
+            except PoseError as reason:
+                raise PoseError(str(reason).replace(str(file), name)) from reason
+
+    def _lay(self, name: str, poses: np.ndarray) -> None:
+        self._loop.mailbox.put("path file", lambda session: session.lay(session.route.with_file(name, poses)))
 
     @contextlib.contextmanager
     def failures(self, client: viser.ClientHandle | None) -> Iterator[None]:

@@ -19,7 +19,10 @@ import pinocchio as pin
 from maira_qp.apps.viewer.answers import Fitted, Ghosts, Job, Verdict, explained, fitted, ghosts_of, verdict_on
 from maira_qp.apps.viewer.drawing.surroundings import Clearance, clearances, first_in_the_way, too_near
 from maira_qp.apps.viewer.elbow import Elbow, elbow_finder
-from maira_qp.apps.viewer.motions import Go, Motion, Replay, Swivel
+from maira_qp.apps.viewer.motions import Along, Go, Motion, Replay, Swivel
+from maira_qp.apps.viewer.paths.followed import Followed, Station
+from maira_qp.apps.viewer.paths.pursuit import Pursuit
+from maira_qp.apps.viewer.paths.route import Route
 from maira_qp.apps.viewer.recording import Recording
 from maira_qp.apps.viewer.start import bent_configuration
 from maira_qp.apps.viewer.view import Standing, View, limits_at
@@ -66,6 +69,7 @@ class Session:
         self.shows_ghosts = False
         self.recording = Recording(robot)
         self.is_recording = False
+        self._path = Pursuit()
         self._find_elbow = elbow_finder(robot)
         self._solver = Solver(robot, redundancy=self.redundancy)
         self._plain = Solver(robot)
@@ -84,6 +88,7 @@ class Session:
         self._ghosts: Ghosts | None = None
         self._elbow: tuple[np.ndarray, Elbow | None] | None = None
         self._notice = ""
+        self._is_rebuilding = False
         self._stale = {"verdict"}
 
     # What is asked for
@@ -118,13 +123,14 @@ class Session:
             raise OptionError(f"the redundancy is used as {', '.join(METHODS)}, not {method!r}")
         Weighted(Posture(), weight)  # is it a weight?
         self.method, self.weight = method, weight
+        self._forget_path()
         self._rebuild()
         self._follow()
 
     def put_obstacle(self, shape: Shape) -> None:
         """An obstacle is there, or elsewhere than it was, by its name."""
         self.obstacles = {**self.obstacles, shape.name: shape}
-        self._rebuild()
+        self._obstacles_changed()
 
     def move_obstacle(self, name: str, position: np.ndarray) -> None:
         """An obstacle is put to a position (3,) [m]."""
@@ -134,11 +140,12 @@ class Session:
     def remove_obstacles(self) -> None:
         """Nothing is in the way."""
         self.obstacles = {}
-        self._rebuild()
+        self._obstacles_changed()
 
     def avoid(self, wanted: bool) -> None:
         """Whether the arm keeps clear of the obstacles."""
         self.is_avoiding = wanted
+        self._forget_path()
         self._rebuild()
 
     def show_ghosts(self, wanted: bool) -> None:
@@ -170,6 +177,40 @@ class Session:
         self._halt()
         self._target_to_tool()
 
+    # What is asked for of a path
+
+    def lay(self, route: Route) -> None:
+        """The path is another; what was found for the last one is forgotten. Raises `OptionError` if it is too long."""
+        self._path.lay(route)
+        self._leave_path()
+
+    def follow_path(self, is_from_here: bool) -> None:
+        """The path is to be followed from near where the arm is, or from any configuration. Raises `OptionError`."""
+        self._path.seek(self.q if is_from_here else None, partial(self._begin_path, self.target))
+        self._leave_path()
+
+    def stand_at(self, index: int) -> None:
+        """The arm is shown at a pose of the path, the nearest that there is. Raises `OptionError`."""
+        self._along_path().stand_at(index)
+
+    def stand_at_next_failure(self) -> None:
+        """The arm is shown where the path fails next, counted round and round. Raises `OptionError`."""
+        along = self._along_path()
+        along.stand_at(along.station.path.next_failure(along.station.index))
+
+    def play_path(self, rate: float) -> None:
+        """The arm goes on along the path, by so many poses a second at most. Raises `OptionError`."""
+        self._along_path().play(rate)
+
+    def pause_path(self) -> None:
+        """The arm stays at the pose of the path that it is at, if it is at one."""
+        if isinstance(self._motion, Along):
+            self._motion.stand_at(self._motion.station.index)
+
+    def explain_path(self) -> None:
+        """A proof is looked for that the path cannot be followed further. Raises `OptionError`."""
+        self._path.explain()
+
     # What happens
 
     def tick(self, dt: float) -> View:
@@ -179,6 +220,8 @@ class Session:
             self.q = np.clip(self._motion.next(self.q, dt), self.robot.lower, self.robot.upper)
             if isinstance(self._motion, Replay):
                 self._target_to_tool()
+            if isinstance(self._motion, Along):
+                self._target_to_pose(self._motion)
             if isinstance(self._motion, Swivel):
                 self._elbow = self.q, self._motion.elbow
             if self._motion.is_done:
@@ -200,7 +243,7 @@ class Session:
             given = self.robot, self.redundancy, self.obstacles, self.directories, self.is_avoiding
             write = partial(self._use_solver, (self.obstacles, self.is_avoiding))
             return self._taken("solver", Job(partial(fitted, *given), write))
-        if "verdict" in self._stale:
+        if "verdict" in self._stale and not isinstance(self._motion, Along):
             given = self._solver, self._plain, self.target, self.q
             return self._taken("verdict", Job(partial(verdict_on, *given), self._use_verdict))
         if self._wants_another_way:
@@ -214,10 +257,18 @@ class Session:
         return None
 
     def next_long_job(self) -> Job | None:
-        """The solutions of a target that rests, if they are asked for: this may take seconds."""
+        """A path, its proof, or the solutions of a target that rests, if they are asked for: this may take seconds."""
+        job = None if self._is_rebuilding else self._path.next_job(self._solver)
+        if job is not None:
+            return job
         if not self.shows_ghosts or "ghosts" not in self._stale or self._target_still < RESTS:
             return None
         return self._taken("ghosts", Job(partial(ghosts_of, self._plain, self.target), self._use_ghosts))
+
+    @property
+    def route(self) -> Route:
+        """The path that is to be followed."""
+        return self._path.route
 
     @property
     def redundancy(self) -> Strict | Weighted | None:
@@ -256,6 +307,13 @@ class Session:
         self.target = self.robot.forward(self.q)
         self._target_moved()
 
+    def _target_to_pose(self, along: Along) -> None:
+        """The target is where the tool is to be on the path."""
+        pose = along.station.path.route.poses[along.station.index]
+        if not np.array_equal(self.target.homogeneous, pose):
+            self.target = pin.SE3(pose)
+            self._target_moved()
+
     def _target_moved(self) -> None:
         self._target_still = 0
         self._stale |= {"verdict", "ghosts"}
@@ -267,6 +325,37 @@ class Session:
         seconds = time.perf_counter() - begin
         self._tick_seconds += SMOOTHING * (seconds - self._tick_seconds) if self._tick_seconds else seconds
         self.q, self._velocity = step.q, step.velocity
+
+    # Paths
+
+    @property
+    def _station(self) -> Station | None:
+        """Where on the path the arm is; None: it is moved by something else."""
+        return self._motion.station if isinstance(self._motion, Along) else None
+
+    def _along_path(self) -> Along:
+        """The motion along the path that was followed, begun if it is not. Raises `OptionError`."""
+        if isinstance(self._motion, Along):
+            return self._motion
+        if self._path.followed is None:
+            raise OptionError("no path is followed yet: choose one, and press Follow")
+        along = Along(self.robot, self._path.followed)
+        self._start(along)
+        return along
+
+    def _begin_path(self, target: pin.SE3, path: Followed) -> None:
+        """It is shown, unless something else was done with the arm since its target was this one."""
+        if self.target is target and self._motion is None:
+            self._start(Along(self.robot, path))
+
+    def _leave_path(self) -> None:
+        if isinstance(self._motion, Along):
+            self._halt()
+
+    def _forget_path(self) -> None:
+        """What was found of a path does not hold for another problem."""
+        self._path.forget()
+        self._leave_path()
 
     # Another way round, where ticks get no further or the arm is where it must not be
 
@@ -320,8 +409,13 @@ class Session:
     def _standing(self, position: float, orientation: float) -> Standing:
         """Of the arm as it is drawn, with what is left of the errors [m, rad]."""
         options, answer = self._solver.options, self._answer
+        station = self._station
+        if station is not None and station.index in station.path.failures:
+            return Standing.OFF_PATH
         if self._too_near:
             return Standing.TOO_NEAR
+        if station is not None:
+            return Standing.ON_PATH
         if not self._is_fitted:
             return Standing.UNKNOWN
         if position <= options.position_tolerance and orientation <= options.orientation_tolerance:
@@ -339,11 +433,18 @@ class Session:
         return job
 
     def _rebuild(self) -> None:
+        self._is_rebuilding = True
         self._stale.add("solver")
+
+    def _obstacles_changed(self) -> None:
+        if self.is_avoiding:
+            self._forget_path()
+        self._rebuild()
 
     def _use_solver(self, fitted_to: tuple[dict[str, Shape], bool], answer: Fitted) -> None:
         self._fitted_to = fitted_to
         self._solver, self._limit, self._notice = answer
+        self._is_rebuilding = "solver" in self._stale
         self._still = 0
         self._stale.add("verdict")
 
@@ -382,5 +483,6 @@ class Session:
             in_the_way=self._in_the_way if self._answer is self._tried else None,
             ghosts=ghosts,
             elbow=self.elbow,
+            path=self._path.view(self._station),
             notice=self._notice,
         )

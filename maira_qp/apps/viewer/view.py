@@ -11,12 +11,13 @@ import pinocchio as pin
 from maira_qp.apps.viewer.answers import Ghosts, Verdict
 from maira_qp.apps.viewer.drawing.surroundings import Clearance
 from maira_qp.apps.viewer.elbow import Elbow
+from maira_qp.apps.viewer.paths.followed import PathView
 from maira_qp.problem.problem import ACTIVE_WITHIN
 from maira_qp.robots.model.robot import Robot
 
 
 class Standing(Enum):
-    """How an arm stands to its target."""
+    """How an arm stands to its target, or to the pose of a path that it is shown at."""
 
     UNKNOWN = "..."
     """It is being found out."""
@@ -30,6 +31,10 @@ class Standing(Enum):
     """It stands still, though a better configuration is known."""
     ANSWERED = "ANSWERED"
     """The target cannot be reached from here as far as is known: the verdict says what is."""
+    ON_PATH = "ON THE PATH"
+    """It is at a pose of a path, and came there along the path."""
+    OFF_PATH = "OFF THE PATH"
+    """A pose of a path is not reached, or not along the path."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +65,7 @@ class View:
     """What keeps the arm from a better configuration that is known, if something does"""
     ghosts: Ghosts | None
     elbow: Elbow | None
+    path: PathView
     notice: str
     """Why distances are not known or obstacles not avoided, if so"""
 

@@ -36,6 +36,8 @@ FLAGS = [
 ]
 SIZE = {"width": 960, "height": 480}
 """Of the page [pixels]: small, for the processor draws it."""
+PATH = "x,y,z,qw,qx,qy,qz\n0.5,0,0.5,0,1,0,0\n"
+"""The beginning of a file of poses."""
 PATIENCE = 40.0
 """For what should come at once [s], on a machine that does much else."""
 
@@ -74,6 +76,11 @@ class Tab:
     def click(self, name: str) -> None:
         """A button."""
         self.page.get_by_role("button", name=name).click()
+
+    def unfold(self, name: str) -> None:
+        """A folder of the panel that is shut."""
+        self.page.get_by_text(name, exact=True).click()
+        self.page.wait_for_timeout(500)
 
     def write(self, index: int, text: str) -> None:
         """Into one of the fields of text or numbers that are seen."""
@@ -320,10 +327,11 @@ def test_obstacles_are_added_measured_and_removed(tab, viewer):
     tab.wait(lambda: not viewer.current.obstacles)
 
 
-def test_a_path_is_recorded_played_saved_and_downloaded(tab, viewer, tmp_path, monkeypatch):
+def test_a_motion_is_recorded_played_saved_and_downloaded(tab, viewer, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     session = viewer.current
     tab.open("Path")
+    tab.unfold("Recorded motion")
     tab.click("Play")  # nothing yet: the page says so, and goes on
     tab.page.get_by_text("nothing is recorded yet").first.wait_for(timeout=1000 * PATIENCE)
     tab.click("Record")
@@ -332,17 +340,68 @@ def test_a_path_is_recorded_played_saved_and_downloaded(tab, viewer, tmp_path, m
     tab.wait(lambda: not session.is_recording)
     tab.click("Play")
     tab.click("Save where the viewer runs")
-    tab.wait(lambda: Path("path.csv").exists())
-    rows = np.genfromtxt("path.csv", delimiter=",", names=True)
+    tab.wait(lambda: Path("motion.csv").exists())
+    rows = np.genfromtxt("motion.csv", delimiter=",", names=True)
     np.testing.assert_allclose(rows["q_joint1"], session.recording.q[:, 0])
     with tab.page.expect_download(timeout=1000 * PATIENCE) as download:
         tab.click("Download")
-    assert Path(download.value.path()).read_bytes() == Path("path.csv").read_bytes()
-    tab.write(0, "../path.csv")
+    assert Path(download.value.path()).read_bytes() == Path("motion.csv").read_bytes()
+    tab.write(-1, "../motion.csv")
     tab.page.wait_for_timeout(500)
     tab.click("Save where the viewer runs")
     tab.page.get_by_text("cannot be the file's name").wait_for(timeout=1000 * PATIENCE)
-    assert not Path("../path.csv").exists()
+    assert not Path("../motion.csv").exists()
+
+
+def test_a_path_is_made_followed_scrubbed_played_explained_and_left(tab, viewer):
+    tab.open("Path")
+    tab.go_home()
+    session, home = viewer.current, viewer.current.target.homogeneous
+    tab.click("Follow")  # nothing yet: the page says so, and goes on
+    tab.page.get_by_text("there is no path yet").first.wait_for(timeout=1000 * PATIENCE)
+    for k, way in enumerate(((0, 0, 0), (0, 0.1, 0))):
+        T = home.copy()
+        T[:3, 3] += way
+        viewer.session("target", lambda session, T=T: session.move_target(T))
+        tab.wait(lambda T=T: np.abs(session.target.homogeneous - T).max() < 1e-12)
+        tab.click("Add pose")
+        tab.wait(lambda k=k: len(session.route.given) == k + 1)
+    tab.click("Follow")
+    tab.page.get_by_text("Followed whole").wait_for(timeout=1000 * PATIENCE)
+    tab.page.get_by_text("pose 0 of 0 to 20: reached").wait_for(timeout=1000 * PATIENCE)
+    with_line = tab.picture()
+    viewer.server.scene.get_handle_by_name("/path/line").visible = False
+    tab.wait(lambda: (np.abs(tab.picture() - with_line).max(axis=2) > 30).sum() > 20)
+    slider = tab.page.get_by_role("slider").last
+    slider.focus()
+    for _ in range(5):
+        tab.page.keyboard.press("ArrowRight")
+    tab.page.get_by_text("pose 5 of 0 to 20: reached").wait_for(timeout=1000 * PATIENCE)
+    np.testing.assert_allclose(session.robot.forward(session.q).translation, home[:3, 3] + [0, 0.025, 0], atol=1e-6)
+    tab.page.get_by_role("button", name="Play", exact=True).first.click()
+    tab.page.get_by_text("pose 20 of 0 to 20: reached").wait_for(timeout=1000 * PATIENCE)
+    tab.go_home()
+    tab.page.get_by_text("ON THE PATH").wait_for(state="hidden", timeout=1000 * PATIENCE)
+
+    tab.unfold("Circle or file")
+    for content, told in ((PATH + "0.5,nan,0.5,0,1,0,0", "ring.csv, line 3"), (PATH + "2.5,0,0.5,0,1,0,0", "")):
+        with tab.page.expect_file_chooser() as chooser:
+            tab.click("Upload a path")
+        chooser.value.set_files({"name": "ring.csv", "mimeType": "text/csv", "buffer": content.encode()})
+        if told:
+            tab.page.get_by_text(told).first.wait_for(timeout=1000 * PATIENCE)
+            assert session.route.kind == "waypoints"
+    tab.page.get_by_text("ring.csv: 2 poses").wait_for(timeout=1000 * PATIENCE)
+    tab.unfold("Circle or file")
+    tab.click("Follow")
+    tab.page.get_by_text("Fails at pose 1").wait_for(timeout=1000 * PATIENCE)
+    tab.click("Next failure")
+    tab.page.get_by_text("OFF THE PATH").wait_for(timeout=1000 * PATIENCE)
+    tab.click("Why?")
+    tab.page.get_by_text("Proved: ").wait_for(timeout=1000 * PATIENCE)
+    tab.click("Clear")
+    tab.page.get_by_text("no path yet: add").wait_for(timeout=1000 * PATIENCE)
+    tab.go_home()
 
 
 def test_another_robot_is_picked_and_a_wrong_file_is_told(tab, viewer):

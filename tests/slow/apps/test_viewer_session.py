@@ -13,7 +13,8 @@ from maira_qp.apps.viewer import readout
 from maira_qp.apps.viewer.answers import ghosts_of
 from maira_qp.apps.viewer.drawing.surroundings import MARGIN, first_in_the_way
 from maira_qp.apps.viewer.elbow import elbow_of
-from maira_qp.apps.viewer.recording import Recording, save
+from maira_qp.apps.viewer.recording import Recording
+from maira_qp.apps.viewer.saving import save
 from maira_qp.apps.viewer.session import FARTHEST, Session
 from maira_qp.apps.viewer.start import bent_configuration
 from maira_qp.apps.viewer.tips import tips_in

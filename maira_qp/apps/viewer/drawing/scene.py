@@ -1,4 +1,4 @@
-"""What is drawn: the arm, its target, all solutions as ghosts, obstacles with their distances, and the path."""
+"""What is drawn: the arm, its target, all solutions as ghosts, obstacles with their distances, motions and paths."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pinocchio as pin
 import viser
 
 from maira_qp.apps.viewer.drawing.geometry import Body, Colour
+from maira_qp.apps.viewer.drawing.path import PathDrawing
 from maira_qp.apps.viewer.drawing.surroundings import MARGIN
 from maira_qp.apps.viewer.drawing.triangles import triangles
 from maira_qp.apps.viewer.recording import Recording
@@ -30,7 +31,7 @@ through the other."""
 VISIBLE_ERROR = 1e-3
 """From this position error on [m] a line leads from the tool to the target."""
 MOST_SEGMENTS = 500
-"""Of the line that shows a path."""
+"""Of the line that shows a recorded motion."""
 
 
 class ArmDrawing:
@@ -189,8 +190,11 @@ class Scene:
         self._target = Handle(gizmo, target_moved)
         self._obstacles = Obstacles(scene, obstacle_moved)
         self._error = scene.add_line_segments("/error", np.zeros((1, 2, 3)), RED, thickness=0.003 * size, visible=False)
-        self._path = scene.add_line_segments("/path", np.zeros((1, 2, 3)), GHOST, thickness=0.004 * size, visible=False)
-        self._path_of: tuple[Recording, int] | None = None
+        self._motion = scene.add_line_segments(
+            "/motion", np.zeros((1, 2, 3)), GHOST, thickness=0.004 * size, visible=False
+        )
+        self._motion_of: tuple[Recording, int] | None = None
+        self._path = PathDrawing(scene, size)
 
     def show(self, view: View, obstacles: Mapping[str, Shape], recording: Recording) -> None:
         """What there is to see after a tick."""
@@ -201,19 +205,22 @@ class Scene:
         self._error.visible = view.position_error > VISIBLE_ERROR
         if self._error.visible:
             self._error.points = np.array([[view.tool.translation, view.target.translation]])
-        self._show_path(recording)
+        self._show_motion(recording)
+        self._path.show(view.path)
 
-    def _show_path(self, recording: Recording) -> None:
+    def _show_motion(self, recording: Recording) -> None:
         """The way of the tool, drawn anew when enough has come to it."""
-        known = self._path_of is not None and self._path_of[0] is recording and len(recording) - self._path_of[1] < 10
+        known = (
+            self._motion_of is not None and self._motion_of[0] is recording and len(recording) - self._motion_of[1] < 10
+        )
         if known:
             return
-        self._path_of = recording, len(recording)
-        self._path.visible = len(recording) > 1
-        if self._path.visible:
+        self._motion_of = recording, len(recording)
+        self._motion.visible = len(recording) > 1
+        if self._motion.visible:
             rows = recording.q[:: 1 + len(recording) // MOST_SEGMENTS]
             points = np.array([recording.robot.forward(q).translation for q in rows])
-            self._path.points = np.stack([points[:-1], points[1:]], axis=1)
+            self._motion.points = np.stack([points[:-1], points[1:]], axis=1)
 
 
 def light(scene: viser.SceneApi) -> None:

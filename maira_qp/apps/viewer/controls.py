@@ -1,0 +1,88 @@
+"""What the tabs of the panel are made with: whom they ask, sliders that follow, where files go."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Protocol
+
+import viser
+
+from maira_qp.apps.viewer.saving import SUFFIXES, Savable, plain_name, save
+from maira_qp.apps.viewer.session import Session
+from maira_qp.errors import OptionError
+
+UNTOUCHED = 0.4
+"""A slider that a person moved is left alone for so long [s]: what is shown is older than what was asked for."""
+
+
+class Ask(Protocol):
+    """What the controls ask: of the session, in its own thread, or of what is around it."""
+
+    def session(self, key: str, action: Callable[[Session], None]) -> None:
+        """Do this before the next tick, and nothing that was asked under the same key before and is not yet done."""
+
+    def robot(self, robot: str, tip: str | None, client: viser.ClientHandle | None) -> None:
+        """Another robot: a name of the catalog, or a file."""
+
+    def tip(self, tip: str, client: viser.ClientHandle | None) -> None:
+        """The robot that is shown, with another tip."""
+
+    def uploaded_robot(self, name: str, content: bytes, tip: str | None, client: viser.ClientHandle | None) -> None:
+        """Another robot, from a file that a browser sent."""
+
+    def path_file(self, path: str, degrees: bool, client: viser.ClientHandle | None) -> None:
+        """The path is that of a CSV file where the viewer runs; its roll, pitch and yaw may be in degrees."""
+
+    def uploaded_path(self, name: str, content: bytes, degrees: bool, client: viser.ClientHandle | None) -> None:
+        """The path is that of a CSV file that a browser sent."""
+
+    def failures(self, client: viser.ClientHandle | None) -> AbstractContextManager[None]:
+        """Errors within are told to the client."""
+        ...
+
+
+class Slider:
+    """A slider that follows a value, but not while a person moves it."""
+
+    def __init__(self, handle: viser.GuiSliderHandle[float], moved: Callable[[float], None]) -> None:
+        self.handle = handle
+        self._touched = -UNTOUCHED
+
+        @handle.on_update
+        async def _(event: viser.GuiEvent) -> None:
+            if event.client is not None:
+                self._touched = time.monotonic()
+                moved(handle.value)
+
+    def show(self, value: float) -> None:
+        """The value is this."""
+        if time.monotonic() - self._touched > UNTOUCHED:
+            value = round(value / self.handle.step) * self.handle.step
+            self.handle.value = round(min(max(value, self.handle.min), self.handle.max), 6)
+
+
+def add_saving(gui: viser.GuiApi, name: str, what: Callable[[], Savable], ask: Ask) -> None:
+    """A field for a file's name, and buttons that save `what()` where the viewer runs, or send it to the browser."""
+    field = gui.add_text("File", name, hint=f"A name that ends in {' or '.join(SUFFIXES)}")
+    here = gui.add_button("Save where the viewer runs", icon=viser.Icon.DEVICE_FLOPPY)
+    download = gui.add_button("Download", icon=viser.Icon.DOWNLOAD)
+
+    @here.on_click
+    def _(event: viser.GuiEvent) -> None:
+        with ask.failures(event.client):
+            path = save(what(), field.value, Path.cwd())
+            if event.client is not None:
+                event.client.add_notification("Saved", str(path), auto_close_seconds=6, color="green")
+
+    @download.on_click
+    def _(event: viser.GuiEvent) -> None:
+        with ask.failures(event.client):
+            rows = what()
+            if not len(rows):
+                raise OptionError("there is nothing to save yet")
+            chosen = plain_name(field.value)
+            if event.client is not None:
+                event.client.send_file_download(chosen, rows.content(Path(chosen).suffix), save_immediately=True)

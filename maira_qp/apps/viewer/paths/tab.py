@@ -1,0 +1,138 @@
+"""The tab "Path": poses are added, or a circle or a file taken; the path is followed, scrubbed, played and saved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import viser
+
+from maira_qp.apps.viewer import readout
+from maira_qp.apps.viewer.controls import Ask, Slider, add_saving
+from maira_qp.apps.viewer.paths.followed import Followed
+from maira_qp.apps.viewer.paths.route import LEAST_SPACING, Route
+from maira_qp.apps.viewer.session import FARTHEST, Session
+from maira_qp.apps.viewer.view import View
+from maira_qp.errors import OptionError
+
+FROM_HERE, FROM_ANYWHERE = "Where the arm is", "Anywhere"
+ADD, UNDO, CLEAR = "Add pose", "Undo", "Clear"
+PLAY, PAUSE, NEXT, WHY = "Play", "Pause", "Next failure", "Why?"
+
+
+class PathTab:
+    """All controls of a path."""
+
+    def __init__(self, gui: viser.GuiApi, session: Session, ask: Ask) -> None:
+        self._ask, self._followed = ask, None
+        self._clicks = 0
+        self._add_sources(gui, session)
+        self._add_following(gui)
+        self._state = gui.add_html("")
+        self._at = Slider(gui.add_slider("Pose", 0.0, 1.0, 1.0, 0.0, visible=False), self._stand_at)
+        self._speed = gui.add_number("Poses a second", 20.0, min=0.1, max=1e4, visible=False)
+        self._playing = gui.add_button_group("Arm", (PLAY, PAUSE), visible=False)
+        self._failing = gui.add_button_group("Failures", (NEXT, WHY), visible=False)
+        with gui.add_folder("Save", expand_by_default=False):
+            add_saving(gui, "path.csv", self._what_is_saved, ask)
+
+        @self._playing.on_click
+        def _(event: viser.GuiEvent) -> None:
+            rate = float(self._speed.value)
+            if event.target.value == PLAY:
+                ask.session("along the path", lambda session: session.play_path(rate))
+            else:
+                ask.session("along the path", lambda session: session.pause_path())
+
+        @self._failing.on_click
+        def _(event: viser.GuiEvent) -> None:
+            if event.target.value == NEXT:
+                self._do(lambda session: session.stand_at_next_failure())
+            else:
+                ask.session("proof", lambda session: session.explain_path())
+
+    def show(self, view: View) -> None:
+        """The path, how it is followed, and where on it the arm is."""
+        path, station = view.path, view.path.station
+        self._followed = path.followed
+        self._state.content = readout.path(view)
+        is_known = path.followed is not None
+        self._at.handle.visible = is_known and len(path.route) > 1
+        self._speed.visible = self._playing.visible = self._at.handle.visible
+        self._failing.visible = path.followed is not None and not path.followed.solution
+        if self._at.handle.visible:
+            self._at.handle.max = len(path.route) - 1.0
+        if station is not None:
+            self._at.show(station.index)
+
+    def _add_sources(self, gui: viser.GuiApi, session: Session) -> None:
+        """Of poses."""
+        ask, length = self._ask, session.robot.length
+        waypoints = gui.add_button_group("Waypoints", (ADD, UNDO, CLEAR))
+        spacing = gui.add_number(
+            "Spacing [mm]", 1e3 * session.route.spacing, min=1e3 * LEAST_SPACING, max=1e3, step=1.0,
+            hint="Largest distance from pose to pose on lines and circles",
+        )  # fmt: skip
+        closed = gui.add_checkbox("Closed", session.route.is_closed, hint="It ends where it begins, as the arm does")
+        with gui.add_folder("Circle or file", expand_by_default=False):
+            radius = gui.add_number("Radius [mm]", round(100 * length), min=1, max=round(1e3 * FARTHEST * length))
+            circle = gui.add_button("Circle about the target", icon=viser.Icon.CIRCLE)
+            file = gui.add_text("CSV", "", hint="Columns x, y, z [m] and qw, qx, qy, qz or roll, pitch, yaw")
+            degrees = gui.add_checkbox("Roll, pitch, yaw in degrees", False)
+            load = gui.add_button("Load the path", icon=viser.Icon.FILE)
+            upload = gui.add_upload_button("Upload a path", mime_type=".csv", icon=viser.Icon.UPLOAD)
+
+        @waypoints.on_click
+        def _(event: viser.GuiEvent) -> None:
+            changed: dict[str, Callable[[Session], Route]] = {
+                ADD: lambda session: session.route.with_waypoint(session.target.homogeneous),
+                UNDO: lambda session: session.route.without_last(),
+                CLEAR: lambda session: session.route.cleared(),
+            }
+            change = changed[event.target.value]
+            self._do(lambda session: session.lay(change(session)))
+
+        @spacing.on_update
+        def _(_: viser.GuiEvent) -> None:
+            metres = 1e-3 * spacing.value
+            ask.session("spacing", lambda session: session.lay(session.route.spaced(metres)))
+
+        @closed.on_update
+        def _(_: viser.GuiEvent) -> None:
+            wanted = closed.value
+            ask.session("closed", lambda session: session.lay(session.route.closed(wanted)))
+
+        @circle.on_click
+        def _(_: viser.GuiEvent) -> None:
+            r, largest = 1e-3 * radius.value, FARTHEST * length
+            self._do(lambda session: session.lay(session.route.with_circle(session.target.homogeneous, r, largest)))
+
+        @load.on_click
+        def _(event: viser.GuiEvent) -> None:
+            ask.path_file(file.value.strip(), degrees.value, event.client)
+
+        @upload.on_upload
+        def _(event: viser.GuiEvent) -> None:
+            ask.uploaded_path(upload.value.name, upload.value.content, degrees.value, event.client)
+
+    def _add_following(self, gui: viser.GuiApi) -> None:
+        start = gui.add_dropdown("Start", (FROM_HERE, FROM_ANYWHERE), hint="Which configurations it may begin with")
+        follow = gui.add_button("Follow", icon=viser.Icon.ROUTE)
+
+        @follow.on_click
+        def _(_: viser.GuiEvent) -> None:
+            is_from_here = start.value == FROM_HERE
+            self._ask.session("follow", lambda session: session.follow_path(is_from_here))
+
+    def _do(self, action: Callable[[Session], None]) -> None:
+        """Each click counts, however many come between two ticks."""
+        self._clicks += 1
+        self._ask.session(f"path {self._clicks}", action)
+
+    def _stand_at(self, index: float) -> None:
+        self._ask.session("along the path", lambda session: session.stand_at(round(index)))
+
+    def _what_is_saved(self) -> Followed:
+        """Raises `OptionError`."""
+        if self._followed is None:
+            raise OptionError("no path is followed yet")
+        return self._followed
