@@ -77,6 +77,10 @@ class Problem:
         """The same with another redundancy, bound to the robot."""
         return replace(self, redundancy=redundancy)
 
+    def of_first_level(self) -> Problem:
+        """The same without a redundancy and without tasks below those of the first level."""
+        return replace(self, redundancy=None, hierarchy=replace(self.hierarchy, lower=()))
+
     def with_options(self, **changes: Any) -> Problem:
         """The same with some options changed."""
         return replace(self, options=replace(self.options, **changes))

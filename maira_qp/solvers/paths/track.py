@@ -66,9 +66,13 @@ def track(asked: Any, targets: Targets, q0: np.ndarray | None, seed: int, rules:
     for begin, end in runs(reached):
         part, is_start_given = path.some(slice(begin, end)), begin == 0 and first is not None
         q[begin:end] = follow(part, q[begin:end], is_start_given, rules.loop and end - begin == count, rng)
-    for k in np.flatnonzero(~reached).tolist():
-        others[k] = engines.solve(targets.poses(k), q[k - 1] if k else start, SEED_0)
-        q[k] = others[k].q
+    missed_ones, there = np.flatnonzero(~reached), np.flatnonzero(reached)
+    if len(missed_ones):
+        before = np.maximum(np.searchsorted(there, missed_ones) - 1, 0)  # each from the last that is reached
+        starts = q[there[before]] if len(there) else q[missed_ones] if start is None else np.tile(start, (count, 1))
+        nearest = engines.solve_batch(targets[missed_ones], starts, SEED_0, None, None)
+        q[missed_ones] = nearest.q
+        others = dict(zip(missed_ones.tolist(), nearest, strict=True))
     return _judged(asked, path, q, rules, _failures(engines, path, targets, q, rules, others))
 
 
@@ -77,7 +81,9 @@ def _at_whole_poses(
 ) -> tuple[Any, Targets, np.ndarray | None, np.ndarray]:
     """The engines that solve, their targets, start and steps: of an arm with a joint more where the tool may turn."""
     if asked.compiled is not None:
-        return asked, targets, q0, rules.step
+        engines = asked.with_problem(asked.problem.of_first_level())
+        which = [targets.frames.index(frame) for frame in engines.problem.frames]
+        return engines, Targets(engines.problem.frames, targets.rows[:, which], targets.deviations), q0, rules.step
     axis = free_axis(asked.problem)
     assert axis is not None
     engines = type(asked).build(with_joint(asked.problem, axis))

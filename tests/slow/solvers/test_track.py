@@ -367,6 +367,25 @@ def test_further_limits_hold_where_the_tool_may_turn():
     assert path.joint_names == robot.joint_names
 
 
+@pytest.mark.parametrize("redundancy", [mq.Strict(mq.Posture()), mq.Weighted(mq.Posture())])
+def test_a_start_that_reaches_the_pose_is_kept(redundancy, rng):
+    """Whatever the solver would make of the redundancy at a single pose."""
+    robot = mq.Robot.maira()
+    motion = smooth_motion(robot, rng, 40)
+    path = mq.Solver(robot, redundancy=redundancy).track(poses_along(robot, motion), q0=motion[0])
+    assert path, path.reason
+    np.testing.assert_allclose(path.q[0], motion[0], atol=1e-9)
+
+
+def test_a_long_way_out_of_reach_is_answered_pose_by_pose():
+    x = np.concatenate([np.linspace(0.5, 3.0, 400), np.linspace(3.0, 0.5, 400)])
+    robot = mq.Robot.maira()
+    path = mq.Solver(robot).track([mq.pose([each, 0.1, 0.5], quaternion=[0, 1, 0, 0]) for each in x])
+    assert len(path.parts) == 2
+    assert all(failure.is_proved for failure in path.failures)
+    assert ((path.q >= robot.lower) & (path.q <= robot.upper)).all()
+
+
 def test_an_empty_path_can_be_looked_at():
     path = mq.Solver(mq.Robot.maira()).track([])
     assert "0 poses" in repr(path)
