@@ -26,7 +26,7 @@ def write_rerun(file: BinaryIO, robot: Robot, columns: Mapping[str, np.ndarray])
     Joints q (N, n) and, if there are any, their velocities and accelerations are curves by name, as is each further
     column of numbers (N,). Raises `OSError`.
     """
-    import rerun as rr
+    import rerun as rr  # pyright: ignore[reportMissingImports]
 
     recording = rr.RecordingStream("maira_qp")
     stream = rr.binary_stream(recording=recording)
@@ -61,7 +61,7 @@ def _lines(robot: Robot, q: np.ndarray) -> list[list[list[float]]]:
 
 def _write_urdf(robot: Robot, q: np.ndarray, recording: Any, send: Any) -> None:
     """The description, and where each of its joints is; nothing for a robot of which there is none."""
-    from rerun.urdf import UrdfTree
+    from rerun.urdf import UrdfTree  # pyright: ignore[reportMissingImports]
 
     try:
         text = robot.urdf

@@ -30,7 +30,7 @@ from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.solver import Solver
 from maira_qp.solvers.streaming.tracker import Tracker
 
-VERBS = ("solve", "solve_batch", "solutions", "step")
+VERBS = ("solve", "solve_batch", "solutions", "step", "track")
 
 
 def compile(
@@ -43,9 +43,9 @@ def compile(
     """Compile all kernels that some verbs need, and keep them for every later process: see `maira-qp cache`.
 
     For a robot only those that its kind of arm needs are compiled, for a solver those that its redundancy needs; None:
-    those for every arm and every redundancy. `verbs` are of "solve", "solve_batch", "solutions" and "step". `processes`
-    work at a time; None: as many as there are processors for this process. `progress` is called with the number of jobs
-    that are done and their total. What is compiled already is loaded.
+    those for every arm and every redundancy. `verbs` are of "solve", "solve_batch", "solutions", "step" and "track".
+    `processes` work at a time; None: as many as there are processors for this process. `progress` is called with the
+    number of jobs that are done and their total. What is compiled already is loaded.
 
     Raises `OptionError` for an unknown verb or no process, `CompilationError` where compiled code cannot be kept.
     """
@@ -98,6 +98,7 @@ def jobs(robot_or_solver: Robot | Solver | None, verbs: Iterable[str]) -> Iterat
     searches = set(verbs) > {"step"} or "step" not in verbs
     wanted = {
         "step": "step" in verbs,
+        "paths": "track" in verbs,
         "settle": searches and settles,
         "settle_alone": searches and settles,
         "trade_off": searches and (solver is None or isinstance(solver.redundancy, Weighted)),
@@ -234,6 +235,16 @@ def _proofs() -> None:
         problem.engine.proofs.unreachable(problem.batch.rows)
 
 
+def _paths() -> None:
+    from maira_qp.kernels.paths.boxes import within_a_step
+    from maira_qp.solvers.paths.line import best_line
+
+    problem = _Problem(Robot.maira())
+    best_line([problem.q, problem.q], np.ones((1, 7)), set(), problem.solver.problem.turns, is_start_given=False)
+    boxes = np.zeros((1, 2, 7))
+    within_a_step(boxes, boxes, np.ones(7), np.empty(1, np.bool_))
+
+
 def _small() -> None:
     """What takes a second or less each."""
     from maira_qp.kernels.kinematics.unwrap import has_free_turn, unwind, unwind_free
@@ -268,6 +279,7 @@ JOBS: dict[str, Callable[[], object]] = {
     "trade_off": lambda: _settle(Weighted(Posture(), weight=1e-3), 0.0),
     "nearest": _nearest,
     "proofs": _proofs,
+    "paths": _paths,
     "small": _small,
 }
 """What is compiled by itself, the longest first; what needs other kernels too comes after their jobs."""

@@ -10,11 +10,12 @@ from typing import Literal
 class Compile:
     """Compile the engine ahead of its first use, in parallel processes; what is compiled already is left as it is."""
 
-    verbs: tuple[Literal["solve", "solve_batch", "solutions", "step"], ...] = (
+    verbs: tuple[Literal["solve", "solve_batch", "solutions", "step", "track"], ...] = (
         "solve",
         "solve_batch",
         "solutions",
         "step",
+        "track",
     )
     """What will be called."""
     processes: int | None = None
