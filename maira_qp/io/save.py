@@ -48,6 +48,8 @@ def save(result: Motion, file: str | os.PathLike[str], format: str | None = None
     """
     if not isinstance(result, (PathSolution, Trajectory)):
         raise OptionError(f"save takes a PathSolution or a Trajectory, not {shown(result)}")
+    if not isinstance(file, (str, os.PathLike)):
+        raise OptionError(f"save takes the path of a file, not {shown(file)}")
     path = Path(file)
     write = WRITERS[format_of(path, format)]
     with replacing(path) as stream:

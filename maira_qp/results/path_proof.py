@@ -12,9 +12,9 @@ class PathProof:
     """Boxes of joint values that hold all configurations in which an arm can be that has followed a path so far.
 
     It is checked pose by pose, with any other inverse kinematics. At pose `at[0]` each configuration within the limits
-    that reaches the pose is in a box of `boxes[0]`, or is the given one. At pose `at[k]` it is in a box of `boxes[k]`,
-    or in some joint further than `(at[k] - at[k - 1]) step` from each box of `boxes[k - 1]`. At the last of these poses
-    there is no box: whoever is there has made a larger step.
+    that reaches the pose within the tolerances is in a box of `boxes[0]`, or is the given one. At pose `at[k]` it is in
+    a box of `boxes[k]`, or in some joint further than `(at[k] - at[k - 1]) step` from each box of `boxes[k - 1]`. At
+    the last of these poses there is no box: whoever is there has made a larger step.
     """
 
     at: np.ndarray

@@ -40,7 +40,7 @@ class PathFailure:
     """Where an arm does not follow a path."""
 
     index: int
-    """The pose that is not reached, or before which the arm leaves the path"""
+    """The pose that is not reached, or before which the arm leaves the path; the last of a loop that is not closed"""
     reason: str
     """Why"""
     is_step: bool

@@ -341,8 +341,10 @@ class Solver(Shown):
     def _check_closed(self, targets: Targets) -> None:
         """Check that a loop ends at the pose where it begins. Raises `PoseError`."""
         first, last = (next(iter(targets.poses(k).values())) for k in (0, len(targets) - 1))
-        asked = self.problem.tasks[0].all_weights > 0.0  # type: ignore[attr-defined]
-        error = np.where(asked, pose_error(first, last), 0.0)
+        task, error = self.problem.tasks[0], pose_error(first, last)
+        if task.axes == "target":  # type: ignore[attr-defined]
+            error = (error.reshape(2, 3) @ last.rotation).ravel()
+        error[task.all_weights == 0.0] = 0.0  # type: ignore[attr-defined]
         position, orientation = np.linalg.norm(error[:3]), np.linalg.norm(error[3:])
         if not self.problem.is_reached(position, orientation):
             raise PoseError(

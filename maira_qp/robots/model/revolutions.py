@@ -89,6 +89,11 @@ class WholeTurns:
         middle = 0.5 * (self.window[0] + self.window[1])
         return TURN * np.minimum(np.maximum(np.round((middle - 0.5 * (least + most)) / TURN), first), last)
 
+    def room_near(self, least: np.ndarray, most: np.ndarray, shift: np.ndarray) -> np.ndarray:
+        """The same, of them those that are nearest to a shift (n,)."""
+        first, last = self._turns_for(least, most)
+        return TURN * np.minimum(np.maximum(np.round(shift / TURN), first), last)
+
     def _turns_for(self, least: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The least and the largest number of turns (..., n) that keep a travel within limits; others have 0 and 0."""
         below, above = self.robot.lower - WITHIN - least, self.robot.upper + WITHIN - most

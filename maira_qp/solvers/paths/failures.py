@@ -63,11 +63,16 @@ def _circumstances(problem: Problem, q: np.ndarray) -> str:
     return found
 
 
-def open_end(problem: Problem, q: np.ndarray) -> PathFailure | None:
-    """The end of a loop q (N, n) that does not meet its beginning; None: it does."""
+def loop_gap(problem: Problem, q: np.ndarray) -> np.ndarray:
+    """How far (n,) the end of a loop q (N, n) is from its beginning; a joint without limits may have made turns."""
     robot, gap = problem.robot, q[-1] - q[0]
     endless = ~robot.slides & ~np.isfinite(robot.upper) & ~np.isfinite(robot.lower)
-    gap = np.abs(gap - np.where(endless, TURN * np.round(gap / TURN), 0.0))
+    return gap - np.where(endless, TURN * np.round(gap / TURN), 0.0)
+
+
+def open_end(problem: Problem, q: np.ndarray) -> PathFailure | None:
+    """The end of a loop q (N, n) that does not meet its beginning; None: it does."""
+    robot, gap = problem.robot, np.abs(loop_gap(problem, q))
     joint = int(gap.argmax())
     if gap[joint] <= CLOSED:
         return None
@@ -75,4 +80,4 @@ def open_end(problem: Problem, q: np.ndarray) -> PathFailure | None:
     reason = (
         f"no way was found whose end meets its beginning: {robot.joint_names[joint]} ends {gap[joint]:.3g} {unit} away"
     )
-    return PathFailure(len(q) - 1, reason, is_step=True, is_proved=False)
+    return PathFailure(len(q) - 1, reason, is_step=False, is_proved=False)

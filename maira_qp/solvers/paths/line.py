@@ -78,6 +78,9 @@ def best_line(
     chosen.reverse()
     q, breaks = end[chosen], np.flatnonzero(has_jumped[chosen]).tolist()
     for begin, stop in pairwise([0, *breaks, len(layers)]):
-        if begin or not is_start_given:
-            q[begin:stop] += turns.room_for(q[begin:stop].min(axis=0), q[begin:stop].max(axis=0))
+        least, most = q[begin:stop].min(axis=0), q[begin:stop].max(axis=0)
+        if begin:
+            q[begin:stop] += turns.room_near(least, most, q[begin - 1] - q[begin])
+        elif not is_start_given:
+            q[begin:stop] += turns.room_for(least, most)
     return Line(chosen, np.clip(q, *limits), len(breaks))

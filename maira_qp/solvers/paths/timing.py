@@ -254,7 +254,12 @@ def _by_ruckig(robot: Robot, limits: MotionLimits, jerk: np.ndarray, u: np.ndarr
     asked.target_position, asked.max_velocity = [1.0], [v * second]
     asked.max_acceleration, asked.max_jerk = [a * second**2], [j * second**3]
     found = ruckig.Trajectory(1)
-    ruckig.Ruckig(1).calculate(asked, found)
+    try:
+        ruckig.Ruckig(1).calculate(asked, found)
+    except ruckig.RuckigError:
+        raise OptionError(
+            "the limits are too far apart to be timed with: look at velocity, acceleration, jerk"
+        ) from None
     profile = found.profiles[0][0]
     times = np.concatenate([[0.0], np.cumsum(profile.t)])
     phases = np.flatnonzero(np.diff(times) > 0.0)

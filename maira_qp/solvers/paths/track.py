@@ -23,7 +23,7 @@ from maira_qp.results.solution import Solution
 from maira_qp.solvers.paths.continuity import is_continuous
 from maira_qp.solvers.paths.corridor import filled, smoothed
 from maira_qp.solvers.paths.descents import PathArrays
-from maira_qp.solvers.paths.failures import ROUNDING, broken, missed, open_end
+from maira_qp.solvers.paths.failures import ROUNDING, broken, loop_gap, missed, open_end
 from maira_qp.solvers.paths.free_axis import free_axis, start_with_joint, with_joint, without_turning
 from maira_qp.solvers.paths.layers import Density, layer_indices, layers_of
 from maira_qp.solvers.paths.line import Edge, Line, best_line
@@ -41,6 +41,10 @@ WIDER = (1.0, 4.0, 16.0)
 """A line is sought with so many times the allowed steps, for smoothing may make them small enough."""
 LOOPS = 24
 """Beginnings of a loop that are tried."""
+CLOSINGS = 4
+"""Lines that end where they begin of which it is tried whether they lead along the path."""
+NEARLY_CLOSED = 1e-3
+"""A loop whose ends are no further apart [rad or m], two descents to one pose, ends with its beginning."""
 CALM = 4.0
 """A line whose largest step is at most so many times the mean step is not sought again in finer layers."""
 
@@ -73,7 +77,17 @@ def track(asked: Any, targets: Targets, q0: np.ndarray | None, seed: int, rules:
         nearest = engines.solve_batch(targets[missed_ones], starts, SEED_0, None, None)
         q[missed_ones] = nearest.q
         others = dict(zip(missed_ones.tolist(), nearest, strict=True))
+    if rules.loop and count:
+        _close(path, q)
     return _judged(asked, path, q, rules, _failures(engines, path, targets, q, rules, others))
+
+
+def _close(path: PathArrays, q: np.ndarray) -> None:
+    """Let a line (N, n), in place, end with its beginning where it nearly does, if that reaches its last pose."""
+    gap = loop_gap(path.problem, q)
+    end = q[-1] - gap
+    if np.abs(gap).max() <= NEARLY_CLOSED and path.problem.is_reached(*path.errors(path.rows[-1:], end[None])[0]):
+        q[-1] = end
 
 
 def _at_whole_poses(
@@ -194,7 +208,7 @@ def follow(
         density = density.finer()
     if best is not None and least <= 1.0:
         return best
-    broken_up = _with_reconfigurations(path, at, layers, is_start_given)
+    broken_up = _with_reconfigurations(path, known, at, layers, is_start_given)
     return broken_up if best is None or _breaks(path, broken_up) < _breaks(path, best) else best
 
 
@@ -209,6 +223,7 @@ def _loop(path: PathArrays, at: np.ndarray, layers: list[np.ndarray], is_start_g
     if not is_start_given:
         free = best_line(layers, _windows(path, at), set(), turns, is_start_given).chosen[0]
         begins = np.concatenate([begins[[free]], np.delete(begins, free, axis=0)])[:LOOPS]
+    tries = CLOSINGS
     for begin in begins:
         closed = [begin[None], *layers[1:-1], begin[None]]
         line = best_line(closed, _windows(path, at), set(), turns, is_start_given)
@@ -216,6 +231,9 @@ def _loop(path: PathArrays, at: np.ndarray, layers: list[np.ndarray], is_start_g
             q = _continuous_line(path, at, closed, is_start_given)
             if q is not None and open_end(path.problem, q) is None:
                 return q
+            tries -= 1
+            if not tries:
+                break
     return None
 
 
@@ -265,9 +283,12 @@ def _windows(path: PathArrays, at: np.ndarray) -> np.ndarray:
 
 
 def _with_reconfigurations(
-    path: PathArrays, at: np.ndarray, layers: list[np.ndarray], is_start_given: bool
+    path: PathArrays, known: np.ndarray, at: np.ndarray, layers: list[np.ndarray], is_start_given: bool
 ) -> np.ndarray:
-    """A line (N, n) with the fewest reconfigurations: before each it is followed pose by pose as far as that goes."""
+    """A line (N, n) with the fewest reconfigurations: before each it is followed pose by pose as far as that goes.
+
+    What is lost on the way there and back is as it is `known` (N, n).
+    """
     knots = best_line(layers, _windows(path, at), set(), path.problem.turns, is_start_given).q
     q, arrived = filled(path, at, knots)
     for k, (left, right) in enumerate(pairwise(at.tolist())):
@@ -280,6 +301,8 @@ def _with_reconfigurations(
             if not is_there or path.some(step).largest_steps(q[step])[0] > 1.0:
                 q[i:right] = _followed_back(path, knots[k + 1], i, right)
                 break
+    lost = ~_reached(path, q)[1]
+    q[lost] = known[lost]
     return q
 
 

@@ -312,9 +312,60 @@ def test_a_loop_that_cannot_be_closed_says_so():
     assert mq.Solver(endless, task=mq.PositionTask()).track(targets, loop=True)
 
 
+def test_a_loop_that_is_not_closed_is_not_followed_whatever_may_be_reconfigured():
+    """One joint goes round once: there is no large step on the way, and it does not end as it began."""
+    robot = mq.Robot.from_dh([{"a": 0.3, "d": 0.0, "alpha": 0.0, "lower": -4.5, "upper": 4.5}])
+    targets = poses_along(robot, np.linspace(-np.pi, np.pi, 40)[:, None])
+    path = mq.Solver(robot).track(targets, q0=[-np.pi], loop=True, max_reconfigurations=1)
+    assert not path
+    assert path.reconfigurations == 0
+    assert "whose end meets its beginning" in path.reason
+
+
+@pytest.mark.parametrize(("turn", "closes"), [([0, 0, 1.0], True), ([0.4, 0, 0], False)])
+def test_a_loop_of_a_tool_that_may_turn_is_closed_but_for_that(turn, closes):
+    """The first pose and the last differ by a turn about an axis of the tool: the free one, or another."""
+    tilted = mq.pose([0.5, 0.0, 0.5], rpy=[2.5, 0.4, 0.3])
+    targets = [tilted * mq.pose([0.1 * np.cos(a), 0.1 * np.sin(a), 0]) for a in np.linspace(0, 2 * np.pi, 40)]
+    targets[-1] = targets[0] * mq.pose(rpy=turn)
+    solver = mq.Solver(mq.Robot.maira(), task=mq.PoseTask(orientation_weight=[1, 1, 0], axes="target"))
+    if closes:
+        path = solver.track(targets, loop=True)
+        assert path, path.reason
+        np.testing.assert_allclose(path.q[0], path.q[-1], atol=1e-6)
+    else:
+        with pytest.raises(PoseError, match="repeat the first pose"):
+            solver.track(targets, loop=True)
+
+
+def test_after_a_reconfiguration_joints_are_at_the_nearest_turn():
+    """Four joints without limits: no step is larger than half a turn, not even where the arm leaves the path."""
+    link = {"a": 0.3, "d": 0.0, "alpha": 0.0, "kind": "continuous"}
+    robot = mq.Robot.from_dh([link] * 4)
+    rng = np.random.default_rng(0)
+    targets = [mq.pose([*rng.uniform(-0.6, 0.6, 2), 0.0]) for _ in range(30)]
+    path = mq.Solver(robot, task=mq.PositionTask()).track(targets)
+    assert path.success.all()
+    assert path.reconfigurations > 0
+    assert largest_step(path.q) < np.pi + 0.5
+
+
 def test_a_loop_has_to_be_closed():
     with pytest.raises(PoseError, match="repeat the first pose at the end"):
         mq.Solver(mq.Robot.maira()).track(circle(turns=0.7), loop=True)
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5_limited", "irb140"])
+def test_every_pose_that_can_be_reached_is(name):
+    """Poses far apart, of a motion through the whole range: where no way is found the arm leaves the path, no more."""
+    robot = arm(name)
+    for seed in range(4):
+        motion = np.random.default_rng(seed).uniform(
+            np.maximum(robot.lower, -3), np.minimum(robot.upper, 3), (25, robot.n)
+        )
+        path = mq.Solver(robot).track(poses_along(robot, motion))
+        assert path.success.all(), path.failures
+        assert all(failure.is_step for failure in path.failures)
 
 
 def test_parts_are_what_is_followed():
