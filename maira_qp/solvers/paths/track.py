@@ -39,7 +39,7 @@ WIDEST = 0.6
 """How far a joint may move between two layers [rad, or of the arm's length], unless one step may be larger."""
 WIDER = (1.0, 4.0, 16.0)
 """A line is sought with so many times the allowed steps, for smoothing may make them small enough."""
-LOOPS = 24
+LOOPS = 8
 """Beginnings of a loop that are tried."""
 CLOSINGS = 4
 """Lines that end where they begin of which it is tried whether they lead along the path."""

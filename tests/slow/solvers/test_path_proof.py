@@ -92,7 +92,7 @@ def moved(T: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 @pytest.mark.parametrize("name", ARMS)
 @pytest.mark.parametrize("is_stretched", [False, True])
 def test_what_an_arm_has_done_is_not_proved_impossible(name, is_stretched, rng):
-    """With steps hardly larger than those of the motion; poses within the tolerances, some reached by a straight arm."""
+    """With steps hardly larger than those of the motion; poses within the tolerances, some of a straight arm."""
     robot = ARMS[name]()
     t = np.linspace(0.0, 1.0, 40)[:, None]
     for _ in range(4):
