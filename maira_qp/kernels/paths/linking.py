@@ -14,7 +14,7 @@ FARTHEST = 1e3
 """What the step of a reconfiguration counts, at most, against another: in steps that are allowed."""
 
 
-@kernel
+@kernel(allocates=True)
 def link(
     nodes, first, windows, forbidden, turning, limits, is_start_given, jump, cost, back, has_jumped, end, least, most
 ):
@@ -42,15 +42,13 @@ def link(
         for i in range(n):
             end[j, i] = least[j, i] = most[j, i] = nodes[j, i]
     for layer in range(1, len(first) - 1):
-        cheapest = first[layer - 1]
-        for k in range(first[layer - 1], first[layer]):
-            if cost[k] < cost[cheapest]:
-                cheapest = k
+        order = first[layer - 1] + np.argsort(cost[first[layer - 1] : first[layer]])  # soon none can do better
+        cheapest = order[0]
         for j in range(first[layer], first[layer + 1]):
             best, origin = cost[cheapest] + jump, -1
-            for k in range(first[layer - 1], first[layer]):
+            for k in order:
                 if not cost[k] < best:
-                    continue
+                    break
                 far = _step(nodes, k, j, windows, layer - 1, turning, min(1.0, np.sqrt(best - cost[k])))
                 total = cost[k] + far * far
                 if (
