@@ -44,7 +44,7 @@ def check(session: Session, view: View) -> None:
     error = mq.pose_error(robot.forward(view.q), view.target)
     position, orientation = np.linalg.norm(error[:3]), np.linalg.norm(error[3:])
     is_reached = position < 1.1e-6 and orientation < 1.1e-6
-    assert (view.standing is Standing.ON_PATH) == (is_reached and k not in path.breaks)
+    assert (view.standing is Standing.ON_PATH) == (is_reached and k not in {failure.index for failure in path.failures})
     assert f"pose {k} of 0 to {len(path) - 1}: {'reached' if is_reached else 'not reached'}" in text
     assert all(failure.reason in text for failure in path.failures if failure.index == k)
 
