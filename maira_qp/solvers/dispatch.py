@@ -298,14 +298,20 @@ class Engines:
         batch.refuse(~finite)
         return batch
 
+    @cached_property
+    def following(self) -> Engines | None:
+        """The engines that follow paths: of the first level, or of an arm with a joint more; None: there are none."""
+        from maira_qp.solvers.paths.free_axis import free_axis, with_joint
+
+        if self.compiled is not None:
+            return self.with_problem(self.problem.of_first_level())
+        axis = free_axis(self.problem)
+        return None if axis is None else Engines.build(with_joint(self.problem, axis))
+
     @property
     def path_refusal(self) -> str:
         """Why no path can be followed with this problem; empty: it can."""
-        if self.compiled is not None:
-            return ""
-        from maira_qp.solvers.paths.free_axis import free_axis
-
-        return self.refusal if free_axis(self.problem) is None else ""
+        return self.refusal if self.following is None else ""
 
     def track(self, targets: Targets, q0: np.ndarray | None, seed: int, rules: Rules) -> PathSolution:
         """Follow the path of N targets, from a start (n,) or any, by some rules, if `path_refusal` is empty."""

@@ -9,7 +9,7 @@ finer; where the knots were too coarse, every pose is one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -17,14 +17,15 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from maira_qp.problem.problem import Problem
 from maira_qp.problem.targets import SEED_0, Targets, seed_words
-from maira_qp.results.path_solution import PathFailure, PathSolution, Rules
+from maira_qp.results.path_solution import PathSolution, Rules
 from maira_qp.results.solution import Solution
 from maira_qp.solvers.paths.continuity import is_continuous
 from maira_qp.solvers.paths.corridor import filled, smoothed
 from maira_qp.solvers.paths.descents import PathArrays
 from maira_qp.solvers.paths.failures import ROUNDING, broken, loop_gap, missed, open_end
-from maira_qp.solvers.paths.free_axis import free_axis, start_with_joint, with_joint, without_turning
+from maira_qp.solvers.paths.free_axis import free_axis, start_with_joint, without_turning
 from maira_qp.solvers.paths.layers import Density, layer_indices, layers_of
 from maira_qp.solvers.paths.line import Edge, Line, best_line
 
@@ -49,37 +50,62 @@ CALM = 4.0
 """A line whose largest step is at most so many times the mean step is not sought again in finer layers."""
 
 
-def track(asked: Any, targets: Targets, q0: np.ndarray | None, seed: int, rules: Rules) -> PathSolution:
+def track(engines: Any, targets: Targets, q0: np.ndarray | None, seed: int, rules: Rules) -> PathSolution:
     """Follow the path of N targets from a start (n,), or from any, by some rules.
 
-    `asked` are the engines of the problem, see `solvers.dispatch`. Poses that nothing was found to reach divide the
-    path: each part between them is followed by itself.
+    `engines` are those of the problem, see `solvers.dispatch`. Poses that nothing was found to reach divide the path:
+    each part between them is followed by itself.
     """
-    engines, targets, start, step = _at_whole_poses(asked, targets, q0, rules)
+    following = engines.following
+    targets, start, step = _as_followed(engines.problem, following.problem, targets, q0, rules)
     rows, count = np.ascontiguousarray(targets.rows[:, 0]), len(targets)
-    path = PathArrays(engines.compiled, rows, np.arange(count), step, asked.problem)
+    path = PathArrays(following.compiled, rows, np.arange(count), step, engines.problem)
     rng, first = np.random.default_rng(seed), None
     if start is not None and count:
-        first = engines.solve(targets.poses(0), start, SEED_0)
-    by_knots = _followed_by_knots(engines, path, targets, first, seed, rules.loop, rng)
+        first = following.solve(targets.poses(0), start, SEED_0)
+    by_knots = _followed_by_knots(following, path, targets, first, seed, rules.loop, rng)
     if by_knots is not None:
-        failures = _failures(engines, path, targets, by_knots, rules, {})
-        if not failures:
-            return _judged(asked, path, by_knots, rules, failures)
-    (q, reached), others = _alone(engines, targets, first, np.arange(count), seed), dict[int, Solution]()
+        solution = _judged(engines, path, by_knots, rules)
+        if solution.success.all() and not solution.failures:
+            return solution
+    q, reached = _alone(following, targets, first, np.arange(count), seed)
     for begin, end in runs(reached):
         part, is_start_given = path.some(slice(begin, end)), begin == 0 and first is not None
         q[begin:end] = follow(part, q[begin:end], is_start_given, rules.loop and end - begin == count, rng)
-    missed_ones, there = np.flatnonzero(~reached), np.flatnonzero(reached)
-    if len(missed_ones):
-        before = np.maximum(np.searchsorted(there, missed_ones) - 1, 0)  # each from the last that is reached
-        starts = q[there[before]] if len(there) else q[missed_ones] if start is None else np.tile(start, (count, 1))
-        nearest = engines.solve_batch(targets[missed_ones], starts, SEED_0, None, None)
-        q[missed_ones] = nearest.q
-        others = dict(zip(missed_ones.tolist(), nearest, strict=True))
+    others = _nearest(following, path, targets, q, start)
     if rules.loop and count:
         _close(path, q)
-    return _judged(asked, path, q, rules, _failures(engines, path, targets, q, rules, others))
+    return _judged(engines, path, q, rules, others)
+
+
+def _as_followed(
+    asked: Problem, followed: Problem, targets: Targets, q0: np.ndarray | None, rules: Rules
+) -> tuple[Targets, np.ndarray | None, np.ndarray]:
+    """Targets, start and steps of the problem that is followed: of an arm with a joint more where the tool may turn."""
+    axis = free_axis(asked)
+    if axis is None:
+        which = [targets.frames.index(frame) for frame in followed.frames]
+        return Targets(followed.frames, targets.rows[:, which], targets.deviations), q0, rules.step
+    if len(targets):
+        targets = without_turning(targets, axis, rules.loop)
+        if q0 is not None:
+            q0 = start_with_joint(asked.robot, q0, next(iter(targets.poses(0).values())), axis)
+    return targets, q0, np.append(rules.step, np.inf)
+
+
+def _nearest(
+    engines: Any, path: PathArrays, targets: Targets, q: np.ndarray, start: np.ndarray | None
+) -> dict[int, Solution]:
+    """Solutions by index for the poses that q (N, n) does not reach, into q: each from the last that is reached."""
+    reached = _reached(path, q)[1]
+    lost, there = np.flatnonzero(~reached), np.flatnonzero(reached)
+    if not len(lost):
+        return {}
+    before = np.maximum(np.searchsorted(there, lost) - 1, 0)
+    starts = q[there[before]] if len(there) else q[lost] if start is None else np.tile(start, (len(lost), 1))
+    nearest = engines.solve_batch(targets[lost], starts, SEED_0, None, None)
+    q[lost] = nearest.q
+    return dict(zip(lost.tolist(), nearest, strict=True))
 
 
 def _close(path: PathArrays, q: np.ndarray) -> None:
@@ -88,24 +114,6 @@ def _close(path: PathArrays, q: np.ndarray) -> None:
     end = q[-1] - gap
     if np.abs(gap).max() <= NEARLY_CLOSED and path.problem.is_reached(*path.errors(path.rows[-1:], end[None])[0]):
         q[-1] = end
-
-
-def _at_whole_poses(
-    asked: Any, targets: Targets, q0: np.ndarray | None, rules: Rules
-) -> tuple[Any, Targets, np.ndarray | None, np.ndarray]:
-    """The engines that solve, their targets, start and steps: of an arm with a joint more where the tool may turn."""
-    if asked.compiled is not None:
-        engines = asked.with_problem(asked.problem.of_first_level())
-        which = [targets.frames.index(frame) for frame in engines.problem.frames]
-        return engines, Targets(engines.problem.frames, targets.rows[:, which], targets.deviations), q0, rules.step
-    axis = free_axis(asked.problem)
-    assert axis is not None
-    engines = type(asked).build(with_joint(asked.problem, axis))
-    if len(targets):
-        targets = without_turning(targets, axis, rules.loop)
-        if q0 is not None:
-            q0 = start_with_joint(asked.problem.robot, q0, next(iter(targets.poses(0).values())), axis)
-    return engines, targets, q0, np.append(rules.step, np.inf)
 
 
 def _alone(engines: Any, targets: Targets, start: Any, which: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -144,30 +152,24 @@ def _reached(path: PathArrays, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return errors, np.asarray(path.problem.is_reached(*errors.T)) & path.keeps_limits(q)
 
 
-def _failures(
-    engines: Any, path: PathArrays, targets: Targets, q: np.ndarray, rules: Rules, others: dict[int, Solution]
-) -> tuple[PathFailure, ...]:
-    """Where configurations (N, n) do not follow the path; `others` are solutions for poses that are not reached."""
-    reached, found, asked = _reached(path, q)[1], list[PathFailure](), path.asked
-    for k in np.flatnonzero(~reached).tolist():
-        found.append(missed(k, others[k] if k in others else engines.solve(targets.poses(k), q[k], SEED_0)))
+def _judged(
+    engines: Any, path: PathArrays, q: np.ndarray, rules: Rules, others: Mapping[int, Solution] | None = None
+) -> PathSolution:
+    """The result for configurations (N, n): the joints that were asked for, and where they do not follow the path.
+
+    `others` are solutions for the poses that are not reached; None: nothing is said of these.
+    """
+    asked, (errors, reached) = path.asked, _reached(path, q)
+    found = [missed(k, solution) for k, solution in (others or {}).items() if not reached[k]]
     both, leads = reached[:-1] & reached[1:], path.largest_steps(q) <= 1.0 + ROUNDING
     if (both & leads).any():
         leads[both & leads] = is_continuous(path, q)[both & leads]
-    own = q[:, : asked.robot.n]
+    own = np.ascontiguousarray(q[:, : asked.robot.n])
     found += [broken(asked, own, k + 1, rules) for k in np.flatnonzero(both & ~leads).tolist()]
     if rules.loop and len(q) and (end := open_end(asked, own)) is not None:
         found.append(end)
-    return tuple(sorted(found, key=lambda each: each.index))
-
-
-def _judged(
-    asked: Any, path: PathArrays, q: np.ndarray, rules: Rules, failures: tuple[PathFailure, ...]
-) -> PathSolution:
-    """The result for configurations (N, n), of which the joints that were asked for are given."""
-    errors, reached = _reached(path, q)
-    own = np.ascontiguousarray(q[:, : path.asked.robot.n])
-    return PathSolution(own, reached, errors[:, 0], errors[:, 1], rules, failures, path.rows, asked)
+    failures = tuple(sorted(found, key=lambda each: each.index))
+    return PathSolution(own, reached, errors[:, 0], errors[:, 1], rules, failures, path.rows, engines)
 
 
 def follow(
