@@ -8,7 +8,7 @@ import maira_qp as mq
 from maira_qp.robots.dh.table import DHLink, DHTable
 
 
-def random_table(rng: np.random.Generator, moving: int) -> DHTable:
+def random_table(rng: np.random.Generator, moving: int, convention: str = "standard") -> DHTable:
     """A DH table of all kinds of links: `moving` joints that move, fixed rows between, offsets, zeros, right angles."""
     links: list[DHLink] = []
     while sum(link.kind != "fixed" for link in links) < moving:
@@ -20,7 +20,7 @@ def random_table(rng: np.random.Generator, moving: int) -> DHTable:
             lower, upper = np.sort(rng.uniform(-3, 3, 2))
             limits = {"lower": float(lower), "upper": float(upper)}
         links.append(DHLink(kind=kind, a=float(a), alpha=float(alpha), d=float(d), theta=float(theta), **limits))
-    return DHTable(links, name="random")
+    return DHTable(links, name="random", convention=convention)
 
 
 def random_chain(joints: int, rng) -> mq.Robot:

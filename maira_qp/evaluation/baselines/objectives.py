@@ -116,11 +116,9 @@ def _nearest_point(htms: np.ndarray, obstacle: np.ndarray) -> tuple[int, float, 
 def _origin_jacobian(table: DHTable, htms: np.ndarray, k: int) -> np.ndarray:
     """Linear Jacobian (3, n) of the origin of frame k: the chain cut there, whose later joints do not move it."""
     J = np.zeros((3, table.n))
-    column = 0
-    for i, link in enumerate(table.links[:k]):
-        if link.kind == "fixed":
-            continue
-        z = htms[i, :3, 2]
-        J[:, column] = z if link.kind == "prismatic" else np.cross(z, htms[k, :3, 3] - htms[i, :3, 3])
-        column += 1
+    moving = [(i, link) for i, link in enumerate(table.links) if link.kind != "fixed"]
+    for column, ((i, link), axis) in enumerate(zip(moving, table.axis_frames, strict=True)):
+        if i < k:
+            z = htms[axis, :3, 2]
+            J[:, column] = z if link.kind == "prismatic" else np.cross(z, htms[k, :3, 3] - htms[axis, :3, 3])
     return J

@@ -1,8 +1,10 @@
 """A serial chain from its Denavit-Hartenberg table: plain NumPy kinematics, independent of Pinocchio.
 
-Standard (distal) convention: link i is `A_i = Rz(theta_i) Tz(d_i) Tx(a_i) Rx(alpha_i)`; a revolute joint adds q to
-theta, a prismatic joint adds q to d (Denavit and Hartenberg, 1955; Siciliano et al., "Robotics", 2009, section 2.8).
-This is the second opinion that the Pinocchio model is tested against, and all that the baselines use.
+Standard (distal) convention: link i is `A_i = Rz(theta_i) Tz(d_i) Tx(a_i) Rx(alpha_i)` (Denavit and Hartenberg, 1955;
+Siciliano et al., "Robotics", 2009, section 2.8). Modified (proximal) convention: `A_i = Rx(alpha_i) Tx(a_i) Rz(theta_i)
+Tz(d_i)`, where row i holds what Craig calls alpha_{i-1}, a_{i-1}, d_i and theta_i ("Introduction to Robotics", 1989,
+section 3.4). In both a revolute joint adds q to theta, a prismatic joint adds q to d. This is the second opinion that
+the Pinocchio model is tested against, and all that the baselines use.
 """
 
 from __future__ import annotations
@@ -36,6 +38,8 @@ log = logging.getLogger(__name__)
 
 JointKind = Literal["revolute", "prismatic", "continuous", "fixed"]
 KINDS: tuple[str, ...] = ("revolute", "prismatic", "continuous", "fixed")
+Convention = Literal["standard", "modified"]
+CONVENTIONS: tuple[str, ...] = ("standard", "modified")
 LARGEST = 1e9
 """Largest length [m] and angle [rad] of a table: beyond it a double has no micrometre left."""
 LARGEST_LIMIT = 1e16
@@ -46,14 +50,18 @@ MAX_BYTES = 2**20
 
 @dataclass(frozen=True, kw_only=True)
 class DHLink:
-    """One row of a DH table: a joint and the link that it moves. Lengths in m, angles in rad."""
+    """One row of a DH table: a joint and a link. Lengths in m, angles in rad.
+
+    In the standard convention a and alpha are those of the link behind the joint, in the modified one of the link
+    before it.
+    """
 
     kind: JointKind = "revolute"
     """What moves: theta (revolute, or continuous: without limits), d (prismatic), or nothing (fixed)."""
     a: float = 0.0
-    """Length along the new x axis [m]."""
+    """Length along the x axis [m]: the new one, in the modified convention the one before."""
     alpha: float = 0.0
-    """Twist about the new x axis [rad]."""
+    """Twist about the x axis [rad]: the new one, in the modified convention the one before."""
     d: float = 0.0
     """Offset along the joint axis z [m]; for a prismatic joint the offset at q = 0."""
     theta: float = 0.0
@@ -110,6 +118,8 @@ class DHTable:
 
     links: tuple[DHLink, ...]
     name: str = "arm"
+    convention: Convention = "standard"
+    """Whether a row turns and slides first, then goes along its link ("standard"), or the other way ("modified")."""
     joint_names: tuple[str, ...] = field(init=False)
     """Names of the n moving joints, from the base to the tool."""
     lower: np.ndarray = field(init=False, repr=False, compare=False)
@@ -117,8 +127,15 @@ class DHTable:
     upper: np.ndarray = field(init=False, repr=False, compare=False)
     """Upper limits (n,) [rad or m], read-only."""
 
-    def __init__(self, links: Iterable[DHLink | Mapping[str, Any]], name: str = "arm") -> None:
+    def __init__(
+        self,
+        links: Iterable[DHLink | Mapping[str, Any]],
+        name: str = "arm",
+        convention: Convention = "standard",
+    ) -> None:
         """Links as `DHLink`s or as mappings of their fields. Raises `RobotError`."""
+        if not isinstance(convention, str) or convention not in CONVENTIONS:
+            raise RobotError(f"unknown DH convention {shown(convention)}; {listed(CONVENTIONS, convention)}")
         if not is_listing(links):
             raise RobotError(f"a DH table is made from a list of links, got {shown(links)}")
         made = tuple(link if isinstance(link, DHLink) else _link(link, i) for i, link in enumerate(links, start=1))
@@ -136,15 +153,16 @@ class DHTable:
         hint = degrees_hint_of_angles([angle for link in made for angle in (link.alpha, link.theta)], "the DH table")
         if hint:
             log.warning("%s: %s", name, hint)
-        for key, value in {"links": made, "name": name, "joint_names": names, "lower": lower, "upper": upper}.items():
+        known = {"links": made, "name": name, "convention": convention, "joint_names": names}
+        for key, value in {**known, "lower": lower, "upper": upper}.items():
             object.__setattr__(self, key, value)
 
-    def __reduce__(self) -> tuple[type[DHTable], tuple[tuple[DHLink, ...], str]]:
-        return DHTable, (self.links, self.name)
+    def __reduce__(self) -> tuple[type[DHTable], tuple[tuple[DHLink, ...], str, Convention]]:
+        return DHTable, (self.links, self.name, self.convention)
 
     @staticmethod
     def from_file(path: str | Path) -> DHTable:
-        """A table from a TOML or YAML file: `name`, and a list `links` of mappings with the fields of `DHLink`.
+        """A table from a TOML or YAML file: `name`, `convention`, and a list `links` of mappings of `DHLink`'s fields.
 
         Numbers in YAML are those of version 1.2, so that 1e-3 is one. Raises `RobotError` if the file is not such a
         table, or cannot be read.
@@ -162,12 +180,12 @@ class DHTable:
             raise RobotError(f"{path.name} cannot be parsed: {reason!s:.500}") from None
         if not isinstance(content, dict) or not isinstance(content.get("links"), list):
             raise RobotError(f"{path.name}: needs a list `links`, one entry a link")
-        unknown = set(content) - {"name", "links"}
+        unknown = set(content) - {"name", "convention", "links"}
         if unknown:
             raise RobotError(
-                f"{path.name}: unknown entries {', '.join(sorted(map(shown, unknown)))}; valid: name, links"
+                f"{path.name}: unknown entries {', '.join(sorted(map(shown, unknown)))}; valid: name, convention, links"
             )
-        return DHTable(content["links"], name=content.get("name", path.stem))
+        return DHTable(content["links"], content.get("name", path.stem), content.get("convention", "standard"))
 
     @property
     def n(self) -> int:
@@ -182,6 +200,11 @@ class DHTable:
         columns = {key: np.array([getattr(link, key) for link in self.links]) for key in ("a", "alpha", "d", "theta")}
         return columns | {"moving": moving, "prismatic": prismatic}
 
+    @cached_property
+    def axis_frames(self) -> np.ndarray:
+        """For each moving joint (n,) which transform of `compute_htms` has its axis as its z axis."""
+        return self._columns["moving"] + (self.convention == "modified")
+
     def link_transforms(self, q: np.ndarray) -> np.ndarray:
         """Each link's own transform A_i (N, 4, 4) at the configuration q (n,)."""
         q = real_array(q, (self.n,), "q", ConfigurationError)
@@ -191,10 +214,15 @@ class DHTable:
         d[c["moving"]] += np.where(c["prismatic"], q, 0.0)
         ct, st, ca, sa = np.cos(theta), np.sin(theta), np.cos(c["alpha"]), np.sin(c["alpha"])
         A = np.zeros((len(self.links), 4, 4))
+        A[:, 3, 3] = 1.0
+        if self.convention == "modified":
+            A[:, 0, 0], A[:, 0, 1], A[:, 0, 3] = ct, -st, c["a"]
+            A[:, 1, 0], A[:, 1, 1], A[:, 1, 2], A[:, 1, 3] = st * ca, ct * ca, -sa, -sa * d
+            A[:, 2, 0], A[:, 2, 1], A[:, 2, 2], A[:, 2, 3] = st * sa, ct * sa, ca, ca * d
+            return A
         A[:, 0, 0], A[:, 0, 1], A[:, 0, 2], A[:, 0, 3] = ct, -st * ca, st * sa, c["a"] * ct
         A[:, 1, 0], A[:, 1, 1], A[:, 1, 2], A[:, 1, 3] = st, ct * ca, -ct * sa, c["a"] * st
         A[:, 2, 1], A[:, 2, 2], A[:, 2, 3] = sa, ca, d
-        A[:, 3, 3] = 1.0
         return A
 
     def compute_htms(self, q: np.ndarray) -> np.ndarray:
@@ -218,10 +246,9 @@ class DHTable:
 
     def jacobian_of(self, htms: np.ndarray) -> np.ndarray:
         """The Jacobian (6, n) of `jacobian`, from the transforms (N + 1, 4, 4) that `compute_htms` gave."""
-        c = self._columns
-        z = htms[c["moving"], :3, 2]  # joint i turns about the z axis of the frame before its link
-        arm = htms[-1, :3, 3] - htms[c["moving"], :3, 3]
-        prismatic = c["prismatic"][:, None]
+        z = htms[self.axis_frames, :3, 2]
+        arm = htms[-1, :3, 3] - htms[self.axis_frames, :3, 3]
+        prismatic = self._columns["prismatic"][:, None]
         linear = np.where(prismatic, z, np.cross(z, arm))
         angular = np.where(prismatic, 0.0, z)
         return np.hstack([linear, angular]).T

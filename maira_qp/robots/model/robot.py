@@ -13,7 +13,7 @@ import pinocchio as pin
 from maira_qp.arrays import real_array
 from maira_qp.display import Card, Shown, joint_entries
 from maira_qp.errors import ConfigurationError, OptionError, RobotError, shown
-from maira_qp.robots.dh.table import DHLink, DHTable
+from maira_qp.robots.dh.table import Convention, DHLink, DHTable
 from maira_qp.robots.model import catalog
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.joint_limits import JointLimits
@@ -172,11 +172,25 @@ class Robot(Shown):
         return cls._of_part(part, chain.name, chain.acceleration, source)
 
     @classmethod
-    def from_dh(cls, links: DHTable | Iterable[DHLink | Mapping[str, Any]], name: str | None = None) -> Robot:
-        """From a DH table or its links; the base is `base_link`, the tip `tool0`. Raises `RobotError`."""
-        table = links if isinstance(links, DHTable) else DHTable(links)
-        if name is not None:
-            table = DHTable(table.links, name=name)
+    def from_dh(
+        cls,
+        links: DHTable | Iterable[DHLink | Mapping[str, Any]],
+        name: str | None = None,
+        *,
+        convention: Convention | None = None,
+    ) -> Robot:
+        """From a DH table or its links; the base is `base_link`, the tip `tool0`.
+
+        Args:
+            links: the table, or `DHLink`s, or mappings of their fields.
+            name: of the robot; None: the table's.
+            convention: "standard" (distal) or "modified" (Craig's); None: the table's, of links the standard one.
+
+        Raises `RobotError`.
+        """
+        table = links if isinstance(links, DHTable) else DHTable(links, convention=convention or "standard")
+        if name is not None or convention is not None:
+            table = DHTable(table.links, table.name if name is None else name, convention or table.convention)
         return cls._of_chain(read_urdf(urdf_text(table)), DHSource(table))
 
     @classmethod

@@ -79,7 +79,7 @@ def limited_table(table: DHTable, limits: JointLimits) -> DHTable:
             kind = "revolute" if link.kind == "continuous" and upper < math.inf else link.kind
             link = replace(link, kind=kind, **limited)
         links.append(link)
-    return DHTable(links, name=table.name)
+    return DHTable(links, table.name, table.convention)
 
 
 def limited_urdf(urdf: str, limits: JointLimits) -> str:

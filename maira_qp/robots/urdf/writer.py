@@ -4,12 +4,16 @@ In the standard convention joint i moves about the z axis of the frame *before* 
 the rows before it end, turned by its own theta offset, and the frame of link i in URDF is that of the joint, not that
 of the DH row. What is left after the last joint, `Tz(d) Tx(a) Rx(alpha)`, leads to the fixed frame `tool0`: the end of
 the DH chain.
+
+In the modified convention joint i moves about the z axis of the frame *behind* link i, and all of row i comes before
+the motion: the frame of link i is that of row i, and `tool0` that of the last one.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -38,17 +42,17 @@ def urdf_text(table: DHTable) -> str:
     for name, rgba in _COLOURS.items():
         SubElement(SubElement(robot, "material", name=name), "color", rgba=rgba)
     radius = _radius(table)
-    _base_body(SubElement(robot, "link", name=BASE), radius)
+    _base_body(SubElement(robot, "link", name=BASE), table, radius)
     for i in range(len(table.links)):
         _link_body(SubElement(robot, "link", name=f"link{i + 1}"), table, i, radius)
     _tool_body(SubElement(robot, "link", name=TOOL), radius)
-    parent, before = BASE, DHLink(kind="fixed")
+    parent, origins = BASE, _origins(table)
     for i, (link, name) in enumerate(zip(table.links, _joint_names(table), strict=False), start=1):
-        joint = _joint(robot, name, link.kind, parent, f"link{i}", _origin(before, link.theta))
+        joint = _joint(robot, name, link.kind, parent, f"link{i}", next(origins))
         if link.kind != "fixed":
             _motion(joint, link)
-        parent, before = f"link{i}", link
-    _joint(robot, _joint_names(table)[-1], "fixed", parent, TOOL, _origin(before, 0.0))
+        parent = f"link{i}"
+    _joint(robot, _joint_names(table)[-1], "fixed", parent, TOOL, next(origins))
     ElementTree.indent(robot)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n"
 
@@ -97,14 +101,28 @@ def _motion(joint: Element, link: DHLink) -> None:
     SubElement(joint, "limit", {key: _words(value) for key, value in bounds.items()})
 
 
-def _origin(before: DHLink, theta: float) -> dict[str, str]:
-    """The rest of the link before, `Tz(d) Tx(a) Rx(alpha)`, then `Rz(theta)`, as the attributes of an origin."""
-    if theta == 0 or before.alpha == 0:
-        rpy = np.array([before.alpha, 0.0, theta])
+def _origins(table: DHTable) -> Iterator[dict[str, str]]:
+    """Where each row's joint stands in the frame of the link before, and the tool's, as attributes of an origin."""
+    if table.convention == "modified":  # Rx(alpha) Tx(a) Tz(d) Rz(theta)
+        for row in table.links:
+            ca, sa = cosine_sine(row.alpha)
+            yield _origin((row.a, -sa * row.d, ca * row.d), row.alpha, row.theta)
+        yield _origin((0.0, 0.0, 0.0), 0.0, 0.0)
+        return
+    before = last = DHLink(kind="fixed")
+    for row in (*table.links, last):  # the rest of the row before, Tz(d) Tx(a) Rx(alpha), then Rz(theta)
+        yield _origin((before.a, 0.0, before.d), before.alpha, row.theta)
+        before = row
+
+
+def _origin(xyz: tuple[float, float, float], alpha: float, theta: float) -> dict[str, str]:
+    """A position [m] and the rotation `Rx(alpha) Rz(theta)` as the attributes of an origin."""
+    if theta == 0 or alpha == 0:
+        rpy = np.array([alpha, 0.0, theta])
     else:
-        (ca, sa), (ct, st) = cosine_sine(before.alpha), cosine_sine(theta)
+        (ca, sa), (ct, st) = cosine_sine(alpha), cosine_sine(theta)
         rpy = rpy_from_matrix(np.array([[ct, -st, 0.0], [ca * st, ca * ct, -sa], [sa * st, sa * ct, ca]]))
-    return {"xyz": _words(before.a, 0, before.d), "rpy": _words(*rpy)}
+    return {"xyz": _words(*xyz), "rpy": _words(*rpy)}
 
 
 def _words(*numbers: float | None) -> str:
@@ -123,9 +141,19 @@ def _radius(table: DHTable) -> float:
     return float(f"{0.03 * reach:.3g}") or 0.02
 
 
-def _base_body(element: Element, radius: float) -> None:
+def _base_body(element: Element, table: DHTable, radius: float) -> None:
     for tag in ("visual", "collision"):
         _rod(element, tag, "dark", "z", 0.0, radius, 1.6 * radius)
+    if table.convention == "modified" and table.links[0].a:
+        _rod(element, "visual", "shell", "x", 0.0, table.links[0].a, radius)
+
+
+def _limb(table: DHTable, i: int) -> tuple[float, float, float]:
+    """Lengths along z and then x from joint i to the next [m], and where the first begins along z of link i [m]."""
+    link = table.links[i]
+    if table.convention == "standard":
+        return link.d, link.a, 0.0
+    return link.d, table.links[i + 1].a if i + 1 < len(table.links) else 0.0, -link.d
 
 
 def _tool_body(element: Element, radius: float) -> None:
@@ -133,25 +161,25 @@ def _tool_body(element: Element, radius: float) -> None:
 
 
 def _link_body(element: Element, table: DHTable, i: int, radius: float) -> None:
-    """The rods of row i along z to d, then along x to a, and the ball of its joint, in the frame of the joint."""
-    link = table.links[i]
+    """The rods behind joint i along z by d, then along x by a, and the ball of the joint, in the frame of link i."""
+    link, (d, a, foot) = table.links[i], _limb(table, i)
     moves = link.kind != "fixed"
     next_moves = i + 1 < len(table.links) and table.links[i + 1].kind != "fixed"
     start = -max(link.upper or 0.0, 0.0) if link.kind == "prismatic" else 0.0
-    rods = [("z", start, link.d, 0.0), ("x", 0.0, link.a, link.d)]
+    rods = [("z", foot + start, foot + d, 0.0), ("x", 0.0, a, foot + d)]
     rods = [rod for rod in rods if rod[1] != rod[2]]
     for axis, begin, end, height in rods:
         _rod(element, "visual", "shell", axis, begin, end, radius, height)
     if moves:
-        _ball(element, "visual", 1.3 * radius)
-        _rod(element, "visual", "dark", "z", -1.45 * radius, 1.45 * radius, 0.7 * radius)
+        _ball(element, "visual", 1.3 * radius, foot)
+        _rod(element, "visual", "dark", "z", foot - 1.45 * radius, foot + 1.45 * radius, 0.7 * radius)
     for k, (axis, begin, end, height) in enumerate(rods):
         margin = math.copysign(min(2.0 * radius, 0.4 * abs(end - begin)), end - begin)
         near = begin + margin if k == 0 and link.kind in ("revolute", "continuous") else begin
         far = end - margin if k == len(rods) - 1 and next_moves else end
         _rod(element, "collision", "shell", axis, near, far, radius, height)
-    if moves and i > 0 and (table.links[i - 1].d or table.links[i - 1].a):
-        _ball(element, "collision", 1.3 * radius)
+    if moves and i > 0 and any(_limb(table, i - 1)[:2]):
+        _ball(element, "collision", 1.3 * radius, foot)
 
 
 def _rod(
@@ -168,9 +196,11 @@ def _rod(
         SubElement(part, "material", name=colour)
 
 
-def _ball(element: Element, tag: str, radius: float) -> None:
-    """A sphere in the joint, at the origin of the link."""
+def _ball(element: Element, tag: str, radius: float, height: float) -> None:
+    """A sphere in the joint, which is at that height on the z axis of the link [m]."""
     part = SubElement(element, tag)
+    if height:
+        SubElement(part, "origin", xyz=_rounded(0, 0, height))
     SubElement(SubElement(part, "geometry"), "sphere", radius=_rounded(radius))
     if tag == "visual":
         SubElement(part, "material", name="joint")

@@ -211,7 +211,7 @@ def test_tables_come_from_files(tmp_path):
         ("a.yaml", "links: [3]", "link 1 must be a DHLink or a mapping"),
         ("a.yaml", "links: [{a: 1}, {a: x}]", "link 2: DH parameter a must be a finite number, got 'x'"),
         ("a.toml", "links = [{a = nan}]", "link 1: DH parameter a must be a finite number"),
-        ("a.toml", "limks = []\nlinks = [{a = 1}]", "unknown entries 'limks'; valid: name, links"),
+        ("a.toml", "limks = []\nlinks = [{a = 1}]", "unknown entries 'limks'; valid: name, convention, links"),
     ],
 )
 def test_files_that_make_no_sense_are_refused(tmp_path, name, text, message):
