@@ -287,11 +287,12 @@ def _add_on_path(J, path, pull, S, C, H):
 
 @device_kernel
 def add_gauss_newton(level, work):
-    """Add Gauss-Newton's part to the Hessian of a level."""
+    """Add Gauss-Newton's part to the Hessian of a level; what that was is kept in work.curvature."""
     H, rows = work.H[level], work.rows[work.ends[level - 1] if level > 0 else 0 : work.ends[level]]
     for i in range(len(H)):
         for j in range(i + 1):
             s = H[i, j]
+            work.curvature[i, j], work.curvature[j, i] = s, s
             for k in range(len(rows)):
                 s += rows[k, i] * rows[k, j]
             H[i, j], H[j, i] = s, s

@@ -12,7 +12,7 @@ from maira_qp.kernels.linalg.qr_null_space import NONE, null_basis, others, redu
 from maira_qp.kernels.linalg.symmetric_eigen import diagonalise
 
 # as in `solvers.reference.step_models`
-SINGULAR, FILTER, ABOVE, PASSES, NEAR, BENDS, NOTHING = 1e-2, 4, 1e-5, 4, 0.1, 1e-6, 1e-6
+SINGULAR, FILTER, ABOVE, PASSES, NEAR, BENDS, NOTHING, UNKNOWN = 1e-2, 4, 1e-5, 4, 0.1, 1e-6, 1e-6, 1e-8
 HESSIAN_THRESHOLD = 1e-6
 """As in `problem.qp.costs`."""
 
@@ -198,7 +198,7 @@ def add_bent_directions(tree, objectives, level, work):
                 largest = max(largest, abs(h))
         flat = HESSIAN_THRESHOLD * largest
     null_basis(F, work.tau, joints, count, rank, work.g, work.y, Z, work.b)
-    reduce(work.H[level], k, Z, work.y, M)
+    reduce(work.curvature, k, Z, work.y, M)  # Gauss-Newton's part, zero here, would leave its rounding
     if k == 1:
         A[0, 0], V[0, 0] = M[0, 0], 1.0
     else:
@@ -211,7 +211,7 @@ def add_bent_directions(tree, objectives, level, work):
             s = 0.0
             for b in range(k):
                 s += Z[i, b] * V[p, b]
-            rows[ends[level], i] = s
+            rows[ends[level], i] = s if abs(s) > UNKNOWN else 0.0
         work.errors[ends[level]] = 0.0
         ends[level] += 1
         added = True

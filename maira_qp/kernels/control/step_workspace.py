@@ -14,7 +14,7 @@ STEP_WORK = Arena(
         **{"poses": "n, 12", "tools": "tasks, 3, 12", "targets": "tasks, 12"},  # joints, up to three frames a task
         **{"e": "tasks, 6", "pull": "6", "off": "6", "levers": "3, 6, 6", "J": "tasks, n, 6"},
         **{"inverse": "3, 3", "S": "3, 3"},  # of a rotation vector
-        **{"H": "levels, n, n", **dict.fromkeys(("C", "A", "V", "Z", "M"), "n, n")},
+        **{"H": "levels, n, n", **dict.fromkeys(("curvature", "C", "A", "V", "Z", "M"), "n, n")},
         **{"c": "levels, n", "displacements": "levels, n", "rows": "rows, n"},  # rows of a task
         **dict.fromkeys(("lower", "upper", "low", "high", "dq", "step", "part", "trial", "g", "y", "z", "b"), "n"),
         **{"F": f"max(rows, n), {_WIDE}", **dict.fromkeys(("tau", "x", "multipliers"), _WIDE)},  # of factored rows

@@ -57,6 +57,10 @@ NEAR = 0.1
 BENDS = 1e-6
 """A share of the error below which what is left of it bends nothing."""
 
+UNKNOWN = 1e-8
+"""Entries of a direction in which a level bends that are smaller are rounding: an eigenvector is known to that of the
+Hessian by the least curvature that counts, 1e-16 / 1e-6. Joints that have nothing to do with each other stay apart."""
+
 NOTHING = 1e-6
 """What is left of a weighted error below this [rad] bends nothing either: a target that near is reached."""
 
@@ -237,7 +241,8 @@ def bent_directions(rows: np.ndarray, C: np.ndarray, locked: np.ndarray, flat: f
     Z = np.eye(len(C))[:, ~locked]
     Z = Z @ null_space(rows @ Z, DEPENDENT, size=largest_row(rows))
     values, V = np.linalg.eigh(Z.T @ C @ Z)
-    return (Z @ V[:, np.abs(values) > flat]).T
+    bent = (Z @ V[:, np.abs(values) > flat]).T
+    return np.where(np.abs(bent) > UNKNOWN, bent, 0.0)
 
 
 def _dependent(K: np.ndarray) -> float:
