@@ -82,6 +82,27 @@ def _kind(value: Any, raw: np.ndarray) -> str:
     return f"{type(value).__name__} of {entry}"
 
 
+SYMMETRIC_WITHIN = 1e-9
+"""Of a matrix that counts as symmetric and positive semidefinite: rounding, as a share of its largest entry."""
+
+
+def semidefinite_matrix(value: Any, n: int, name: str, error: type[MairaError]) -> np.ndarray:
+    """A symmetric positive semidefinite matrix (n, n), not zero, from what a caller passed. Raises `error`."""
+    M = real_array(value, (n, n), name, error)
+    size = float(np.abs(M).max(initial=0.0))
+    if not size > 0.0:
+        raise error(f"{name} must not be zero throughout")
+    gap = np.abs(M / size - M.T / size)
+    if gap.max() > SYMMETRIC_WITHIN:
+        i, j = (int(k) for k in np.unravel_index(gap.argmax(), gap.shape))
+        raise error(f"{name} must be symmetric, but entry ({i}, {j}) is {M[i, j]:.6g} and ({j}, {i}) is {M[j, i]:.6g}")
+    M = 0.5 * M + 0.5 * M.T
+    least = float(np.linalg.eigvalsh(M / size)[0]) * size
+    if least < -SYMMETRIC_WITHIN * n * size:
+        raise error(f"{name} must be positive semidefinite, but its least eigenvalue is {least:.6g}")
+    return M
+
+
 def is_native(value: Any, shape: tuple[int, ...]) -> bool:
     """Whether compiled code can take a value as it is: a C-contiguous float64 array of that shape, finite or not."""
     return type(value) is np.ndarray and value.dtype == np.float64 and value.shape == shape and value.flags.c_contiguous

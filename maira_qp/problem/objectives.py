@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from maira_qp.arrays import is_listing, is_number, real_array
-from maira_qp.errors import OptionError, shown
+from maira_qp.arrays import is_listing, is_number, real_array, semidefinite_matrix
+from maira_qp.errors import OptionError, listed, shown
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.robot import Robot
 
@@ -38,6 +38,10 @@ class Objective(ABC):
     def hessian(self, at: Configuration) -> np.ndarray:
         """Hessian (n, n) of the cost, symmetric, of any definiteness."""
 
+    def share(self, dt: float) -> float:
+        """Share of Newton's step that a control tick of dt [s] takes, in (0, 1]: all of it, unless there is a gain."""
+        return 1.0
+
 
 def check_objective(objective: object) -> None:
     """Raises `OptionError` for what is no objective."""
@@ -48,37 +52,90 @@ def check_objective(objective: object) -> None:
         )
 
 
+TINY = 1e-300
+"""The least share of a step: 0 would be none."""
+
+
+def checked_gain(gain: Any, name: str) -> float | None:
+    """A gain [1/s], > 0, or None. Raises `OptionError`."""
+    if gain is not None and not (is_number(gain) and 0 < gain < math.inf):
+        raise OptionError(f"gain of {name} must be a positive number [1/s], or None, got {shown(gain)}")
+    return None if gain is None else float(gain)
+
+
+def share_of(gain: float | None, dt: float) -> float:
+    """Share of an error that a gain [1/s] takes away in a tick of dt [s], in (0, 1]; without a gain all of it."""
+    return 1.0 if gain is None else max(min(1.0, gain * dt), TINY)
+
+
 @dataclass(frozen=True)
 class Posture(Objective):
-    """Stay near a reference: `1/2 sum_i w_i (q_i - q_ref_i)^2`."""
+    """Stay near a reference: `1/2 sum_i w_i (q_i - q_ref_i)^2`, or `1/2 (q - q_ref)^T M (q - q_ref)`."""
 
     q_ref: Any = None
     """Reference configuration (n,) [rad or m]; None: the middle of the limits (0 for a continuous joint)."""
     weights: Any = None
-    """Weights (n,), >= 0, or one for all; None: 1."""
+    """Weights (n,), >= 0, or one for all; None: 1. Or a matrix M (n, n), symmetric and positive semidefinite, such as a
+    mass matrix; with one that is not diagonal the reference engine takes the redundancy, and the control ticks."""
+    gain: float | None = None
+    """A control tick moves by gain dt (q_ref - q), as far as what goes before it allows, and by no more than all of
+    q_ref - q; > 0 [1/s]. None: it goes all the way in one tick, as fast as the limits allow. `solve` does not use it.
+    """
 
     def of(self, robot: Robot) -> Posture:
         """With the reference and weights as arrays of the robot's size."""
         q_ref = robot.middle if self.q_ref is None else self.q_ref
-        w = 1.0 if self.weights is None else self.weights
-        shape = () if is_number(w) else (robot.n,)
-        w = np.array(np.broadcast_to(real_array(w, shape, "weights of Posture", OptionError), robot.n))
-        if (w < 0).any():
-            raise OptionError(f"weights of Posture must not be negative, got {w.tolist()}")
-        return Posture(real_array(q_ref, (robot.n,), "q_ref of Posture", OptionError), w)
+        weights = checked_joint_weights(1.0 if self.weights is None else self.weights, "weights of Posture", robot.n)
+        q_ref = real_array(q_ref, (robot.n,), "q_ref of Posture", OptionError)
+        return replace(self, q_ref=q_ref, weights=weights, gain=checked_gain(self.gain, "Posture"))
+
+    @property
+    def is_diagonal(self) -> bool:
+        """The weights are one for each joint, and no matrix."""
+        return self.weights.ndim == 1
+
+    @property
+    def joint_weights(self) -> np.ndarray:
+        """One weight for each joint (n,): of a matrix its diagonal."""
+        return self.weights if self.is_diagonal else np.diag(self.weights)
+
+    def costs(self, q: np.ndarray) -> np.ndarray:
+        """The costs (N,) of configurations (N, n)."""
+        d = q - self.q_ref
+        return 0.5 * d**2 @ self.weights if self.is_diagonal else 0.5 * ((d @ self.weights) * d).sum(axis=1)
 
     def cost(self, at: Configuration) -> float:
         """Weighted squared distance, halved."""
-        d = at.displacement(self.q_ref)
-        return float(0.5 * d @ (self.weights * d))
+        return float(0.5 * at.displacement(self.q_ref) @ self.gradient(at))
 
     def gradient(self, at: Configuration) -> np.ndarray:
         """Gradient (n,) [rad]."""
-        return self.weights * at.displacement(self.q_ref)
+        d = at.displacement(self.q_ref)
+        return self.weights * d if self.is_diagonal else self.weights @ d
 
     def hessian(self, at: Configuration) -> np.ndarray:
-        """The weights on the diagonal (n, n)."""
-        return np.diag(self.weights)
+        """The weights on the diagonal (n, n), or their matrix."""
+        return np.diag(self.weights) if self.is_diagonal else self.weights
+
+    def share(self, dt: float) -> float:
+        """That of the gain."""
+        return share_of(self.gain, dt)
+
+
+def checked_joint_weights(value: Any, name: str, n: int) -> np.ndarray:
+    """Weights of joints: (n,), >= 0, from one for all or one each; or a matrix (n, n) that is not diagonal.
+
+    Raises `OptionError`.
+    """
+    if np.ndim(value) == 2:
+        M = semidefinite_matrix(value, n, name, OptionError)
+        diagonal = np.diag(M)
+        return diagonal.copy() if np.array_equal(M, np.diag(diagonal)) else M
+    shape = () if is_number(value) else (n,)
+    weights = np.array(np.broadcast_to(real_array(value, shape, name, OptionError), n))
+    if (weights < 0).any():
+        raise OptionError(f"{name} must not be negative, got {weights.tolist()}")
+    return weights
 
 
 @dataclass(frozen=True)
@@ -88,6 +145,8 @@ class LimitDistance(Objective):
     Continuous and locked joints do not count.
     """
 
+    gain: float | None = None
+    """As for `Posture` [1/s]: a control tick moves by gain dt (mid - q)."""
     _posture: Posture | None = None
 
     def of(self, robot: Robot) -> LimitDistance:
@@ -95,7 +154,8 @@ class LimitDistance(Objective):
         extent = robot.upper - robot.lower
         counts = np.isfinite(extent) & (extent > 0)
         weights = np.where(counts, 1.0 / (robot.n * np.where(counts, extent, 1.0) ** 2), 0.0)
-        return LimitDistance(Posture(robot.middle, weights).of(robot))
+        gain = checked_gain(self.gain, "LimitDistance")
+        return LimitDistance(gain, Posture(robot.middle, weights, gain).of(robot))
 
     @property
     def as_posture(self) -> Posture:
@@ -115,32 +175,67 @@ class LimitDistance(Objective):
         """Diagonal (n, n)."""
         return self.as_posture.hessian(at)
 
+    def share(self, dt: float) -> float:
+        """That of the gain."""
+        return share_of(self.gain, dt)
+
+
+TWIST_AXES = ("x", "y", "z", "rx", "ry", "rz")
+"""The rows of a Jacobian: translation along the base's axes, rotation about them."""
+
+AXES_OF = {"translation": TWIST_AXES[:3], "rotation": TWIST_AXES[3:]}
+
 
 @dataclass(frozen=True)
 class Manipulability(Objective):
-    """Stay away from singularities: `-sqrt(det(J J^T))` (Yoshikawa, 1985); with n < 6 `-sqrt(det(J^T J))`."""
+    """Stay away from singularities: `-sqrt(det(J J^T))` (Yoshikawa, 1985); with more rows than joints `J^T J`.
+
+    J has the rows of the `axes` alone.
+    """
 
     frame: str | None = None
     """The frame whose Jacobian counts; None: the tip."""
+    axes: Any = None
+    """What the frame is to be able to do: "translation", "rotation", or some of "x", "y", "z" and "rx", "ry", "rz", as
+    in ("x", "y", "rz"): along and about the base's axes; None: all six."""
 
     def of(self, robot: Robot) -> Manipulability:
-        """With the frame's name checked."""
+        """With the names of the frame and of the axes checked."""
         robot.frame_id(self.frame)
-        return self
+        return replace(self, axes=_checked_axes(self.axes))
 
     def cost(self, at: Configuration) -> float:
         """Minus the product of the Jacobian's singular values."""
-        return -float(np.prod(np.linalg.svd(at.jacobian(self.frame), compute_uv=False)))
+        return -float(np.prod(np.linalg.svd(at.jacobian(self.frame)[self._rows], compute_uv=False)))
 
     def gradient(self, at: Configuration) -> np.ndarray:
         """`-sum_k (product of the other singular values) u_k^T dJ/dq_i v_k` (n,), finite at singularities too."""
-        U, s, Vt = np.linalg.svd(at.jacobian(self.frame), full_matrices=False)
+        U, s, Vt = np.linalg.svd(at.jacobian(self.frame)[self._rows], full_matrices=False)
         others = np.array([np.prod(np.delete(s, k)) for k in range(len(s))])
-        return -np.einsum("iab,ab->i", at.jacobian_derivative(self.frame), (U * others) @ Vt)
+        return -np.einsum("iab,ab->i", at.jacobian_derivative(self.frame)[:, self._rows], (U * others) @ Vt)
+
+    @property
+    def _rows(self) -> list[int]:
+        """The rows of the Jacobian that count."""
+        return [TWIST_AXES.index(axis) for axis in self.axes]
 
     def hessian(self, at: Configuration) -> np.ndarray:
         """By central differences of the gradient (n, n)."""
         return finite_difference_hessian(self, at)
+
+
+def _checked_axes(axes: Any) -> tuple[str, ...]:
+    """The axes that count, in the order of a Jacobian's rows. Raises `OptionError`."""
+    if axes is None:
+        return TWIST_AXES
+    if isinstance(axes, str) and axes in AXES_OF:
+        return AXES_OF[axes]
+    names = (axes,) if isinstance(axes, str) else tuple(axes) if is_listing(axes) else ()
+    wrong = [each for each in names if not isinstance(each, str) or each not in TWIST_AXES]
+    if wrong or not names:
+        known = (*AXES_OF, *TWIST_AXES)
+        raise OptionError(f"axes of Manipulability cannot be {shown(axes)}; {listed(known, wrong[0] if wrong else '')}")
+    return tuple(axis for axis in TWIST_AXES if axis in names)
 
 
 @dataclass(frozen=True)

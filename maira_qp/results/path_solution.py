@@ -166,7 +166,7 @@ class PathSolution(OfProblem):
         Args:
             velocity: largest speeds [rad/s or m/s]; None: the robot's own.
             acceleration: largest accelerations [rad/s^2 or m/s^2]; None: the robot's own.
-            jerk: largest jerks [rad/s^3 or m/s^3], a number or (n,); None: not limited.
+            jerk: largest jerks [rad/s^3 or m/s^3]; None, and for joints that are not named: not limited.
             dt: from sample to sample [s]; the duration is a multiple of it.
             tool_speed: speed of the tool's origin [m/s], held wherever the joints' limits allow it, and never exceeded;
                 None: as fast as the joints allow.

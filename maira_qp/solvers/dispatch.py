@@ -49,7 +49,7 @@ SOLVES = (
         '`"compiled"`',
     ),
     (
-        "the same with another objective, or several, or with tasks below",
+        "the same with another objective, or several, a matrix as the weights of a posture, or with tasks below",
         "the search compiled, the rest by the reference engine",
         '`"compiled"`',
     ),
@@ -77,7 +77,8 @@ STEPS = (
         "compiled in the ticks in which these do not bind, reference in the others",
     ),
     (
-        'other tasks and objectives, mimic joints, a `deadline`, `keep_direction`, or `backend="daqp"` and the like',
+        "other tasks and objectives, matrices as weights, mimic joints, a `deadline`, `keep_direction`, or "
+        '`backend="daqp"` and the like',
         "reference",
     ),
 )
@@ -202,7 +203,8 @@ class Engines:
             return Choice(COMPILED, f"the search; the rest by {self.backend.name}, as {below}")
         if self.is_compiled_whole:
             return Choice(COMPILED, "one task of the tip of a chain, and at most one posture")
-        return Choice(COMPILED, f"the search; the redundancy by {self.backend.name}, as its objectives are no posture")
+        reason = "its objectives are no posture with joint weights (n,)"
+        return Choice(COMPILED, f"the search; the redundancy by {self.backend.name}, as {reason}")
 
     def solve(self, target: Any, q0: np.ndarray | None, seed: np.ndarray, observe: Observer | None = None) -> Solution:
         """Solve for one target, from a start (n,) or none. Raises `PoseError`, `FrameError`."""
@@ -311,7 +313,9 @@ class Engines:
     @property
     def path_refusal(self) -> str:
         """Why no path can be followed with this problem; empty: it can."""
-        return self.refusal if self.following is None else ""
+        from maira_qp.solvers.paths.free_axis import hint
+
+        return f"{self.refusal}{hint(self.problem)}" if self.following is None else ""
 
     def track(self, targets: Targets, q0: np.ndarray | None, seed: int, rules: Rules) -> PathSolution:
         """Follow the path of N targets, from a start (n,) or any, by some rules, if `path_refusal` is empty."""

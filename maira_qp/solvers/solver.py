@@ -31,6 +31,7 @@ from maira_qp.results.batch import BatchSolution
 from maira_qp.results.path_solution import PathSolution, Rules
 from maira_qp.results.solution import Solution
 from maira_qp.results.step import Step
+from maira_qp.robots.model.joint_limits import joint_values
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.dispatch import Choice, Engines
 from maira_qp.solvers.enumeration.closest import check_preference, posture_at
@@ -310,8 +311,8 @@ class Solver(Shown):
             path: N poses as for `solve_batch`.
             q0: configuration (n,) at the first pose, or near it [rad or m]; None: any.
             dt: time from pose to pose [s]: no joint moves by more than its velocity limit times dt.
-            max_step: largest joint step from pose to pose, a number or (n,) [rad or m]; None: 0.5 rad, or half of the
-                arm's length. With `dt`, both hold.
+            max_step: largest joint step from pose to pose, a number, (n,) or {joint name: value} [rad or m]; None, and
+                for joints that are not named: 0.5 rad, or half of the arm's length. With `dt`, both hold.
             max_reconfigurations: larger steps that are allowed, at which the arm is to leave the path.
             loop: the path ends at the pose where it begins, and the arm is to end as it began, so that it can go round
                 again.
@@ -357,11 +358,7 @@ class Solver(Shown):
         robot = self.robot
         step = np.where(robot.slides, LARGEST_STEP * robot.length, LARGEST_STEP)
         if max_step is not None:
-            step = (
-                np.full(robot.n, max_step)
-                if is_number(max_step)
-                else real_array(max_step, (robot.n,), "max_step", OptionError)
-            )
+            step = joint_values(robot.joint_names, max_step, "max_step", step)
             if not (step > 0.0).all():
                 raise OptionError(f"max_step must be positive, got {shown(max_step)}")
             step = np.minimum(step, ANY_STEP)

@@ -118,7 +118,8 @@ class SampledArcs:
             for k in range(len(self.arcs)):
                 own = self.which == k
                 gaps = np.abs(np.diff(self.q[own], axis=0)).max(axis=0, initial=0.0)
-                reach = np.sqrt(0.5 * gaps @ (self.objective.weights * gaps))
+                sizes = np.abs(self.objective.weights)
+                reach = np.sqrt(0.5 * gaps @ (sizes * gaps if self.objective.is_diagonal else sizes @ gaps))
                 bounds[k] = max(np.sqrt(self.costs[own].min()) - reach, 0.0) ** 2
         return bounds
 
@@ -162,5 +163,5 @@ def _costs(srs: SRS, objective: Objective, q: np.ndarray) -> np.ndarray:
     """The costs (N,) of configurations (N, 7)."""
     posture = objective.as_posture if isinstance(objective, LimitDistance) else objective
     if isinstance(posture, Posture):
-        return 0.5 * (q - posture.q_ref) ** 2 @ posture.weights
+        return posture.costs(q)
     return np.array([objective.cost(srs.robot.at(each)) for each in q])

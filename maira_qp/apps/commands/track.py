@@ -277,6 +277,11 @@ def _summary(
     }
 
 
+def _in_words(first: int, last: int) -> str:
+    """The poses of a part of a path."""
+    return f"poses {first} to {last}" if first < last else f"pose {first} alone"
+
+
 def _show(path: PathSolution, trajectory: Trajectory | None, found: dict[str, Any], angles: Angles) -> None:
     """The summary as tables on stdout, for 80 columns."""
     from rich.table import Table
@@ -290,10 +295,8 @@ def _show(path: PathSolution, trajectory: Trajectory | None, found: dict[str, An
         place = found["first_failure_at"]
         out.print(f"followed up to pose {k} of {len(path)}, {place}", style="bold yellow", soft_wrap=True)
         out.print(found["reason"])
-        parts = ", ".join(f"{first} to {end - 1}" for first, end in path.parts[:PARTS])
-        out.print(
-            f"followed: poses {parts}{', ...' if len(path.parts) > PARTS else ''}" if parts else "followed: nothing"
-        )
+        parts = ", ".join(_in_words(first, end - 1) for first, end in path.parts[:PARTS])
+        out.print(f"followed: {parts}{', ...' if len(path.parts) > PARTS else ''}" if parts else "followed: nothing")
     joints = Table()
     for heading in ("joint", "from", "to", "largest step", "allowed"):
         joints.add_column(heading, justify="left" if heading == "joint" else "right")

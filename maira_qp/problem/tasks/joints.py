@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from maira_qp.arrays import real_array
+from maira_qp.arrays import real_array, semidefinite_matrix
 from maira_qp.errors import OptionError, listed, shown
 from maira_qp.problem.tasks.task import Task, checked_weights
 from maira_qp.robots.model.configuration import Configuration
@@ -79,21 +79,30 @@ class DampingTask(Task):
 
     weight: Any = 1.0
     """What a displacement of 1 rad or m counts, one for all joints or (n,); >= 0."""
+    metric: Any = None
+    """A symmetric positive semidefinite matrix M (n, n), such as a mass matrix, for `1/2 (w dq)^T M (w dq)`, by the
+    reference engine; None: the identity."""
     priority: int = 2
 
     def of(self, robot: Robot) -> DampingTask:
         """With weights (n,)."""
-        return replace(self, weight=checked_weights(self.weight, "weight of DampingTask", robot.n))
+        weight, metric = checked_weights(self.weight, "weight of DampingTask", robot.n), self.metric
+        if metric is not None:
+            metric = semidefinite_matrix(metric, robot.n, "metric of DampingTask", OptionError)
+        return replace(self, weight=weight, metric=metric)
 
     @property
-    def weights(self) -> np.ndarray:
-        """Weights (n,)."""
-        return self.weight
+    def weights(self) -> np.ndarray | float:
+        """Weights (n,); with a metric they are part of the rows."""
+        return self.weight if self.metric is None else 1.0
 
     def error(self, at: Configuration) -> np.ndarray:
         """Zeros (n,): where the joints are is as good as anywhere."""
         return np.zeros(at.n)
 
     def jacobian(self, at: Configuration) -> np.ndarray:
-        """The identity (n, n)."""
-        return np.eye(at.n)
+        """The identity (n, n), or the root of the metric, times the weights."""
+        if self.metric is None:
+            return np.eye(at.n)
+        values, V = np.linalg.eigh(self.metric)
+        return (V * np.sqrt(np.maximum(values, 0.0))) @ V.T * self.weight

@@ -90,19 +90,7 @@ class JointLimits:
 
     def _values(self, wish: Any, key: str, default: np.ndarray) -> np.ndarray:
         """What is wished for as an array (n,), infinities among it; the default for None, and for joints not named."""
-        if wish is None:
-            return default
-        if isinstance(wish, Mapping):
-            values = default.copy()
-            for joint, value in wish.items():
-                if joint not in self.joint_names:
-                    known = listed(self.joint_names, joint)
-                    raise OptionError(f"{key}: {shown(joint)} is not a joint that moves on its own; {known}")
-                name = f"{key} of joint {joint!r}"
-                values[self.joint_names.index(joint)] = real_array(value, (), name, OptionError, finite=False)
-            return values
-        shape = () if np.isscalar(wish) or (isinstance(wish, np.ndarray) and not wish.ndim) else default.shape
-        return np.broadcast_to(real_array(wish, shape, key, OptionError, finite=False), default.shape)
+        return default if wish is None else joint_values(self.joint_names, wish, key, default)
 
     def _check_ends(self) -> None:
         """Raises `OptionError` where lower > upper, and where only one of the two is a number."""
@@ -116,6 +104,24 @@ class JointLimits:
         """Raises `OptionError` that names the first joint where (n,) something is wrong, with its values."""
         for i in np.flatnonzero(where):
             raise OptionError(f"joint {self.joint_names[i]!r}: {reason.format(*(float(value[i]) for value in values))}")
+
+
+def joint_values(joint_names: tuple[str, ...], wish: Any, key: str, default: np.ndarray) -> np.ndarray:
+    """A number for all joints, one each, or {joint name: value} as an array (n,), infinities among it.
+
+    Joints that are not named have the default (n,). Raises `OptionError` that calls the values by a `key`.
+    """
+    if isinstance(wish, Mapping):
+        values = default.copy()
+        for joint, value in wish.items():
+            if joint not in joint_names:
+                known = listed(joint_names, joint)
+                raise OptionError(f"{key}: {shown(joint)} is not a joint that moves on its own; {known}")
+            name = f"{key} of joint {joint!r}"
+            values[joint_names.index(joint)] = real_array(value, (), name, OptionError, finite=False)
+        return values
+    shape = () if np.isscalar(wish) or (isinstance(wish, np.ndarray) and not wish.ndim) else default.shape
+    return np.broadcast_to(real_array(wish, shape, key, OptionError, finite=False), default.shape)
 
 
 def given_limits(limits: Limits | None, known: Iterable[str]) -> dict[str, tuple[float, float]]:

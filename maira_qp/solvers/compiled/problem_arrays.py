@@ -79,7 +79,7 @@ class ProblemArrays:
     """Random configurations of which a start is the best"""
     last_attempt: int
     redundancy: PostureArrays | None
-    """None: there is none, or it is another than a posture"""
+    """None: there is none, or it is another than a posture with a weight for each joint"""
     settling: np.ndarray
     """(7,) see `kernels.layout.Settling`"""
     proofs: Proofs
@@ -228,5 +228,7 @@ def _posture_arrays(problem: Problem) -> PostureArrays | None:
     if not isinstance(objective, (Posture, LimitDistance)):
         return None
     posture = objective if isinstance(objective, Posture) else objective.as_posture
+    if not posture.is_diagonal:
+        return None
     share = None if isinstance(redundancy, Strict) else float(redundancy.weight)
     return PostureArrays(np.ascontiguousarray(posture.q_ref), np.ascontiguousarray(posture.weights), share)

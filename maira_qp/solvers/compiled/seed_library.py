@@ -50,7 +50,7 @@ def library_features(robot: Robot, library: np.ndarray, settings: np.ndarray, po
     share = POSTURE_SHARE
     if posture is None:
         posture, share = Posture(weights=(~turns.everywhere).astype(float)).of(robot), MIDDLE_SHARE
-    distance = np.square(library - posture.q_ref) @ (posture.weights * ~turns.long_slides)
+    distance = np.square(library - posture.q_ref) @ (posture.joint_weights * ~turns.long_slides)
     distance = np.minimum(distance, distance.mean())  # nothing else is near a target in a corner of the limits
     poses = features[:, : Feature.SQUARE]
     spread = np.square(poses - poses.mean(axis=(0, 2), keepdims=True)).sum(axis=1).mean()

@@ -23,7 +23,7 @@ from maira_qp.kernels.layout import Level, Step
 from maira_qp.kernels.spatial.pose_validation import FINE
 from maira_qp.orientation import ORTHONORMAL_WITHIN
 from maira_qp.problem.limits.joint import FEASIBILITY
-from maira_qp.problem.objectives import LimitDistance, Objective, Posture
+from maira_qp.problem.objectives import LimitDistance, Objective, Posture, share_of
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.costs import LevelObjective, TaskCost
 from maira_qp.problem.redundancy import Strict, Weighted
@@ -33,7 +33,7 @@ from maira_qp.problem.tasks.task import Task
 from maira_qp.results.status import StepStatus
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.compiled.task_arrays import known, task_arrays
-from maira_qp.solvers.reference.step import HALVINGS, split_equalities
+from maira_qp.solvers.reference.step import HALVINGS, is_of_motion_alone, split_equalities
 from maira_qp.solvers.reference.step_models import LEAST_DAMPING
 
 STATUSES = tuple(StepStatus)
@@ -60,6 +60,10 @@ class CompiledTick:
     """(T, 7)"""
     objectives: np.ndarray
     """(L, 2 + 2 n)"""
+    gains: tuple[float | None, ...]
+    """Of the postures of the L levels [1/s]"""
+    staying: tuple[bool, ...]
+    """Which of the postures are those of now"""
     numbers: np.ndarray
     """(14,)"""
     still: np.ndarray
@@ -84,6 +88,8 @@ class CompiledTick:
             tasks=np.array([row for row, _, _ in each]),
             places=np.array([place for _, place, _ in each], np.int64),
             objectives=np.array([_objective_row(robot, level) for level in levels]),
+            gains=tuple(None if level.posture is None else level.posture.gain for level in levels),
+            staying=tuple(level.stays for level in levels),
             numbers=_numbers(problem, rows),
             still=np.zeros(robot.n),
             sizes=STEP_WORK.sizes(robot.n, len(each), rows, len(levels)),
@@ -106,7 +112,7 @@ class CompiledTick:
             self.parents,
             self.tasks,
             self.places,
-            self.objectives,
+            self._objectives_of(q, dt),
             self.numbers,
             dt,
             T,
@@ -120,6 +126,15 @@ class CompiledTick:
             return None
         position, orientation, status = out[2 * n :].tolist()
         return out[:n], out[n : 2 * n], position, orientation, STATUSES[int(status)]
+
+    def _objectives_of(self, q: np.ndarray, dt: float) -> np.ndarray:
+        """The objectives (L, 2 + 2 n) at q (n,), their gains as shares of their steps in a tick of dt [s]."""
+        if not any(self.staying) and self.gains.count(None) == len(self.gains):
+            return self.objectives
+        objectives = self.objectives.copy()
+        objectives[:, Level.GAIN] *= [share_of(gain, dt) for gain in self.gains]
+        objectives[self.staying, Level.REFERENCE : Level.REFERENCE + self.n] = q
+        return objectives
 
     def _poses(self, target: Any) -> np.ndarray | None:
         """The targets of a call below each other (4 K, 4), unchecked; None for what is none."""
@@ -173,13 +188,19 @@ class _Level:
     posture: Posture | None = None
     weight: float = 1.0
     gain: float = 1.0
+    stays: bool = False
+    """The posture is that of now"""
 
 
 def unsupported(problem: Problem) -> str:
     """Why the compiled engine cannot take control ticks of a problem, its additional limits aside; empty: it can."""
     if problem.robot.kinematics.has_mimic:
         return "a joint mimics another"
-    return "" if _levels(problem) is not None else "a task, objective or level is of a kind that it does not know"
+    if _levels(problem) is not None:
+        return ""
+    if problem.posture is not None and not problem.posture.is_diagonal:
+        return "the weights of a posture are a matrix"
+    return "a task, objective or level is of a kind that it does not know"
 
 
 def _levels(problem: Problem) -> list[_Level] | None:
@@ -189,13 +210,22 @@ def _levels(problem: Problem) -> list[_Level] | None:
     strict = redundancy.objectives if isinstance(redundancy, Strict) else ()
     top, *soft = split_equalities(LevelObjective(TaskCost(problem.tasks), weighted))
     below = [part for level in problem.hierarchy.lower for part in split_equalities(level)]
-    levels = [_level(level) for level in (LevelObjective(top.tasks), *soft, *below)]
+    levels = [_level(LevelObjective(top.tasks)), *map(_lower_level, (*soft, *below))]
     if weighted and not soft and levels[0] is not None:
         posture = _posture(weighted[0].objective)
         levels[0] = None if posture is None else replace(levels[0], posture=posture, weight=weighted[0].weight)
     levels += [None if posture is None else _Level(posture=posture) for posture in map(_posture, strict)]
     taken = [level for level in levels if level is not None]
     return taken if len(taken) == len(levels) else None
+
+
+def _lower_level(level: LevelObjective) -> _Level | None:
+    """The same of a level below the first: of motion alone it is the posture of now."""
+    made = _level(level)
+    if made is None or level.objectives or not is_of_motion_alone(level.tasks.tasks):
+        return made
+    square = sum(np.square(task.weights) for task in level.tasks.tasks)
+    return _Level(posture=Posture(np.zeros_like(square), square), stays=True)
 
 
 def _level(level: LevelObjective) -> _Level | None:
@@ -209,10 +239,10 @@ def _level(level: LevelObjective) -> _Level | None:
 
 
 def _posture(objective: Objective) -> Posture | None:
-    """The posture that an objective is, if it is one."""
+    """The posture with a weight for each joint that an objective is, if it is one."""
     if isinstance(objective, LimitDistance):
         return objective.as_posture
-    return objective if isinstance(objective, Posture) else None
+    return objective if isinstance(objective, Posture) and objective.is_diagonal else None
 
 
 def _objective_row(robot: Robot, level: _Level) -> np.ndarray:

@@ -34,7 +34,9 @@ KINDS: dict[type[Task], int] = {
 
 def known(tasks: Sequence[Task]) -> bool:
     """Whether the kernel knows all of the tasks."""
-    return all(type(task) in KINDS for task in tasks)
+    return all(
+        type(task) in KINDS and not (isinstance(task, DampingTask) and task.metric is not None) for task in tasks
+    )
 
 
 def task_arrays(

@@ -7,11 +7,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from maira_qp.arrays import real_array
 from maira_qp.errors import ConfigurationError, OptionError, shown
-from maira_qp.problem.objectives import Posture
+from maira_qp.problem.objectives import Posture, checked_joint_weights
 from maira_qp.robots.model.robot import Robot
 
 
@@ -26,11 +24,11 @@ def check_preference(prefer: object, q0: object, observe: object = None) -> None
 
 
 def posture_at(q0: Any, metric: Any, robot: Robot) -> Posture:
-    """The posture whose cost is half the squared distance from q0 (n,) with joint weights metric (n,), None: 1.
+    """The posture whose cost is half the squared distance from q0 (n,) in a metric: (n,) or (n, n), None: 1 each.
 
     Raises `ConfigurationError`, `OptionError`.
     """
-    weights = np.ones(robot.n) if metric is None else real_array(metric, (robot.n,), "metric", OptionError)
-    if (weights < 0).any() or not weights.any():
+    weights = checked_joint_weights(1.0 if metric is None else metric, "metric", robot.n)
+    if not weights.any():
         raise OptionError(f"metric must be {robot.n} weights >= 0, not all of them 0, got {weights.tolist()}")
     return Posture(real_array(q0, (robot.n,), "q0", ConfigurationError), weights)

@@ -34,6 +34,14 @@ def free_axis(problem: Problem) -> int | None:
     return int(is_free.argmax()) if is_free.sum() == 1 and is_even and is_of_tip else None
 
 
+def hint(problem: Problem) -> str:
+    """What may be meant by a task that leaves the tool free to turn about an axis of the base; empty: no such task."""
+    task = problem.tasks[0]
+    if not isinstance(task, PoseTask) or task.axes != "base" or (task.all_weights[3:] == 0.0).sum() != 1:
+        return ""
+    return '; a tool that is free to turn about one of its own axes is PoseTask(orientation_weight=..., axes="target")'
+
+
 def with_joint(problem: Problem, axis: int) -> Problem:
     """The problem of the arm with a joint more about the axis: its whole pose, and no limits but those of joints."""
     robot, task = problem.robot, problem.tasks[0]

@@ -25,11 +25,12 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, PPoly
 
-from maira_qp.arrays import is_number, real_array
+from maira_qp.arrays import is_number
 from maira_qp.errors import OptionError, shown
 from maira_qp.results.answer import Origin
 from maira_qp.results.path_solution import PathSolution
 from maira_qp.results.trajectory import Deviation, MotionLimits, Trajectory
+from maira_qp.robots.model.joint_limits import joint_values
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.paths.curve import curve_through, deviations, distances, knots_of
 
@@ -47,6 +48,8 @@ MARGIN = 1.0 + 1e-6
 """So much slower than what was looked at needs: limits may be nearer to be exceeded in between."""
 MOST_SAMPLES = 10_000_000
 """Of one trajectory."""
+LARGEST = 1e100
+"""Limits beyond it are as good as none, and too large to compute with."""
 ROUNDS = 20
 """How often a trajectory is made slower until its samples keep the limits."""
 
@@ -134,6 +137,7 @@ def timed(
     kept = knots_of(gone)
     if len(kept) == 1:
         return _at_rest(q, part.start, limits, origin)
+    _check_count(float((np.abs(np.diff(q, axis=0)).sum(axis=0) / limits.velocity).max()), float(dt))
     motion = _quickest(robot, limits, gone[kept], q[kept])
     motion = _on_samples(motion, float(dt))
     return _trajectory(motion, float(dt), np.interp(gone, gone[kept], motion.curve.x), part.start, origin)
@@ -150,14 +154,15 @@ def _limits(robot: Robot, velocity: Any, acceleration: Any, jerk: Any, tool_spee
                 shell=f"give --{name}, one for all joints or one each",
             )
     if jerk is not None:
-        shape = () if is_number(jerk) else (robot.n,)
-        jerk = np.broadcast_to(real_array(jerk, shape, "jerk", OptionError), (robot.n,))
+        jerk = joint_values(robot.joint_names, jerk, "jerk", np.full(robot.n, np.inf))
         if not (jerk > 0.0).all():
             raise OptionError(f"jerk must be positive, got {shown(jerk.tolist())}")
+        jerk = None if np.isinf(jerk).all() else np.minimum(jerk, LARGEST)
     if tool_speed is not None and (not is_number(tool_speed) or not 0 < tool_speed < np.inf):
         raise OptionError(f"tool_speed must be a positive number [m/s], got {shown(tool_speed)}")
     speed = None if tool_speed is None else float(tool_speed)
-    return MotionLimits(robot.lower, robot.upper, limited.velocity_limit, limited.acceleration_limit, jerk, speed)
+    fastest, change = np.minimum([limited.velocity_limit, limited.acceleration_limit], LARGEST)
+    return MotionLimits(robot.lower, robot.upper, fastest, change, jerk, speed)
 
 
 def _part(path: PathSolution, longest_part: bool) -> slice:
@@ -272,15 +277,20 @@ def _by_ruckig(robot: Robot, limits: MotionLimits, jerk: np.ndarray, u: np.ndarr
 def _on_samples(motion: Motion, dt: float) -> Motion:
     """The motion, slowed down to last a multiple of dt, and until its samples keep the limits."""
     for _ in range(ROUNDS):
+        _check_count(motion.duration, dt)
         count = np.ceil(motion.duration / dt * (1.0 - 1e-12))
-        if count > MOST_SAMPLES:
-            raise OptionError(f"dt={dt:g} s cuts {motion.duration:.3g} s into {count:.3g} samples, more than are made")
         motion = motion.slower(max(count * dt / motion.duration, 1.0))
         samples = motion.derivatives(np.arange(count + 1) * dt)
         if excess(motion.robot, motion.limits, *samples) <= 1.0:
             break
         motion = motion.slower(1.0 + 1e-3)
     return motion
+
+
+def _check_count(duration: float, dt: float) -> None:
+    """Raises `OptionError` where a duration [s] has more samples than are made."""
+    if duration / dt > MOST_SAMPLES:
+        raise OptionError(f"dt={dt:g} s cuts {duration:.3g} s into {duration / dt:.3g} samples, more than are made")
 
 
 def _trajectory(motion: Motion, dt: float, places: np.ndarray, first: int, origin: Origin) -> Trajectory:

@@ -37,11 +37,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from maira_qp.problem.limits.joint import Bounds, Tick, stopping_displacement
+from maira_qp.problem.objectives import Posture
 from maira_qp.problem.options import Options
 from maira_qp.problem.qp.costs import LevelObjective, TaskCost
 from maira_qp.problem.qp.hierarchy import Level, solve_each_level
 from maira_qp.problem.qp.qp import QP
 from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.tasks.joints import DampingTask
 from maira_qp.problem.tasks.limit import LimitTask
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
@@ -143,7 +145,7 @@ def tick(
     robot, bounds = context.robot, context.bounds(at, now)
     models = _models(cost, redundancy, at, context, now, bounds)
     if keep_direction:
-        first = LevelObjective(cost, _weighted(redundancy))
+        first = _paced(LevelObjective(cost, _weighted(redundancy)), now.dt)
         count = len(split_equalities(first))
         models = [*_directed(first, models[:count], at, now), *models[count:]]
     models = [*_back_inside(at, context, bounds), *_bent_along_wishes(models, cost, at, context)]
@@ -244,7 +246,7 @@ def _models(
     bounds: Bounds,
 ) -> list[_Model]:
     """The levels in falling priority."""
-    levels = levels_of(cost, redundancy)
+    levels = levels_of(cost, redundancy, at, now.dt)
     reach = Reach.of(bounds, context.bounds(at), context.robot.velocity_limit * now.dt)
     models = tick_models([each.without_wishes() for each in levels], at, reach, context.options)
     wished = [
@@ -254,14 +256,36 @@ def _models(
     return [_Model(each.cost, each.tasks.tasks, replace(model, level=level)) for each, model, level in parts]
 
 
-def levels_of(cost: TaskCost, redundancy: Weighted | Strict | None) -> list[LevelObjective]:
-    """The levels in falling priority, equalities before the other tasks of theirs."""
+def levels_of(
+    cost: TaskCost, redundancy: Weighted | Strict | None, at: Configuration, dt: float
+) -> list[LevelObjective]:
+    """The levels of a tick of dt [s] in falling priority, equalities before the other tasks of theirs."""
     objectives = redundancy.objectives if isinstance(redundancy, Strict) else ()
     levels = [LevelObjective(cost, _weighted(redundancy))]
     for each in objectives:
         alone = LevelObjective(TaskCost(()), (ObjectiveTask(each),))
         levels.append(each if isinstance(each, LevelObjective) else alone)
-    return [part for level in levels for part in split_equalities(level)]
+    first, *others = [part for level in levels for part in split_equalities(_paced(level, dt))]
+    return [first, *(_staying(part, at) for part in others)]
+
+
+def _staying(level: LevelObjective, at: Configuration) -> LevelObjective:
+    """The level; of motion alone, so that its tasks cost nothing wherever the arm is, as the posture of now."""
+    if level.objectives or not is_of_motion_alone(level.tasks.tasks):
+        return level
+    W = level.tasks.rows(at)[0]
+    return LevelObjective(TaskCost(()), (ObjectiveTask(Posture(at.q, W.T @ W)),))
+
+
+def is_of_motion_alone(tasks: Sequence[Task]) -> bool:
+    """Whether tasks are there, and all of them ask for no more than that joints stand still."""
+    return bool(tasks) and all(type(task) is DampingTask for task in tasks)
+
+
+def _paced(level: LevelObjective, dt: float) -> LevelObjective:
+    """The level in a tick of dt [s]: its objectives take the share of their steps that their gains [1/s] allow."""
+    paced = [replace(each, gain=each.gain * each.objective.share(dt)) for each in level.objectives]
+    return replace(level, objectives=tuple(paced))
 
 
 def _bent_along_wishes(models: list[_Model], cost: TaskCost, at: Configuration, context: Context) -> list[_Model]:
@@ -296,7 +320,7 @@ def _directed(first: LevelObjective, models: Sequence[_Model], at: Configuration
     H, c = np.outer(along, along), -size * along
     for each in first.objectives:
         H = H + each.weight * each.objective.hessian(at)
-        c = c + each.weight * each.objective.gradient(at)
+        c = c + each.gain * each.weight * each.objective.gradient(at)
     upper = Level(across.T @ across, np.zeros(at.n), across).damped(mu)
     lower = Level(H, c, along[None], wishes=first.tasks.wishes(at, now)).damped(mu)
     gradient, nothing = max(model.model.gradient for model in models), np.empty(0)

@@ -125,6 +125,12 @@ def test_a_path_with_a_pose_out_of_reach_says_where_and_why(run, line):
     assert "written" not in out.replace("are written", "")
 
 
+def test_a_part_of_a_single_pose_is_said_so(run, line):
+    line.write_text(HEADER + rows(_1=f"5.0,0,0.6,{np.pi},0,0", _3=f"5.0,0,0.6,{np.pi},0,0"))
+    out = run(line)[1]
+    assert f"followed: pose 0 alone, pose 2 alone, poses 4 to {N - 1}" in out
+
+
 def circle(count=60, turns=1.0, spin=0.0):
     """Rows of a circle; the tool turns about its axis by `spin` on the way."""
     angles = np.linspace(0.0, 2 * np.pi * turns, count)

@@ -195,7 +195,7 @@ def test_short_paths(count):
     assert path.max_joint_step < 1e-6
 
 
-@pytest.mark.parametrize("step", [1e308, np.inf])
+@pytest.mark.parametrize("step", [1e308, np.inf, [np.inf] * 7, {"joint1": np.inf}])
 def test_any_step_may_be_allowed(step):
     path = mq.Solver(mq.Robot.maira()).track(circle(20), max_step=step)
     assert path, path.reason
@@ -218,6 +218,8 @@ def test_results_are_saved(rng):
         ({"dt": "soon"}, OptionError, "dt"),
         ({"max_step": -0.1}, OptionError, "max_step"),
         ({"max_step": [0.1, 0.2]}, OptionError, "max_step"),
+        ({"max_step": float("nan")}, OptionError, "max_step must not be NaN"),
+        ({"max_step": {"joint9": 0.1}}, OptionError, "'joint9' is not a joint"),
         ({"max_reconfigurations": 0.5}, OptionError, "max_reconfigurations"),
         ({"q0": [0.1]}, ConfigurationError, "q0"),
         ({"seed": -1}, OptionError, "seed"),
@@ -239,6 +241,9 @@ def test_problems_that_are_not_taken_are_named():
     robot = mq.Robot.maira()
     with pytest.raises(OptionError, match="the axes of its task count differently"):
         mq.Solver(robot, task=mq.PoseTask(position_weight=[1, 1, 0])).track([robot.forward(robot.middle)] * 2)
+    free = mq.Solver(robot, task=mq.PoseTask(orientation_weight=[1, 1, 0], axes="base"))
+    with pytest.raises(OptionError, match=r'turn about one of its own axes is PoseTask.*axes="target"'):
+        free.track([robot.forward(robot.middle)] * 2)
 
 
 @pytest.mark.parametrize("seed", [0, 3, 5])

@@ -115,3 +115,71 @@ def test_a_redundancy_without_an_objective_is_refused(make):
 def test_the_weight_of_weighted_is_positive(weight):
     with pytest.raises(OptionError, match="weight"):
         mq.Weighted(mq.Posture(), weight=weight)
+
+
+def definite(rng, n):
+    A = rng.normal(size=(n, n))
+    return A @ A.T + 0.1 * np.eye(n)
+
+
+def test_a_posture_with_a_matrix_is_the_quadratic_form(robot, rng):
+    M, q_ref = definite(rng, robot.n), robot.random_configuration(rng)
+    objective, q = mq.Posture(q_ref, M).of(robot), robot.random_configuration(rng)
+    at, d = robot.at(q), q - q_ref
+    assert objective.cost(at) == pytest.approx(
+        0.5 * sum(M[i, j] * d[i] * d[j] for i in range(len(d)) for j in range(len(d)))
+    )
+    assert_close(objective.gradient(at), difference_gradient(lambda q: objective.cost(robot.at(q)), q), 1e-5)
+    assert_close(objective.hessian(at), M, 1e-12)
+    assert_close(objective.costs(np.array([q, q_ref])), [objective.cost(at), 0.0], 1e-9)
+    diagonal = mq.Posture(q_ref, np.diag(np.arange(robot.n))).of(robot)
+    assert diagonal.is_diagonal
+    assert diagonal.weights.tolist() == list(range(robot.n))
+
+
+@pytest.mark.parametrize(
+    ("weights", "match"),
+    [
+        (np.ones((7, 6)), r"shape \(7, 7\)"),
+        (np.triu(np.ones((7, 7))), r"symmetric, but entry \(0, 1\) is 1"),
+        (-np.ones((7, 7)), "positive semidefinite"),
+        (np.zeros((7, 7)), "zero throughout"),
+        (np.full((7, 7), np.nan), "finite"),
+    ],
+)
+def test_a_matrix_that_is_none_for_weights_is_refused(maira, weights, match):
+    for make in (
+        lambda: mq.Posture(weights=weights).of(maira),
+        lambda: mq.DampingTask(metric=weights).of(maira),
+        lambda: mq.Solver(maira).solve(maira.forward(maira.middle), maira.middle, prefer="closest", metric=weights),
+    ):
+        with pytest.raises(OptionError, match=match):
+            make()
+
+
+@pytest.mark.parametrize("axes", ["translation", "rotation", ("x", "y", "rz"), "z", ["rx"]])
+def test_manipulability_of_some_axes_is_the_volume_of_their_ellipsoid(robot, axes, rng):
+    """sqrt(det(J J^T)) of these rows alone, its gradient by differences."""
+    objective, q = mq.Manipulability(axes=axes).of(robot), robot.random_configuration(rng)
+    names = (
+        {"translation": "x y z", "rotation": "rx ry rz"}.get(axes, axes) if isinstance(axes, str) else " ".join(axes)
+    )
+    rows = [["x", "y", "z", "rx", "ry", "rz"].index(name) for name in names.split()]
+    J = robot.jacobian(q)[rows]
+    gram = J @ J.T if len(rows) <= robot.n else J.T @ J
+    assert objective.cost(robot.at(q)) == pytest.approx(-np.sqrt(max(np.linalg.det(gram), 0.0)), abs=1e-9)
+    gradient = difference_gradient(lambda q: objective.cost(robot.at(q)), q)
+    assert_close(objective.gradient(robot.at(q)), gradient, 1e-6)
+
+
+@pytest.mark.parametrize("axes", ["linear", ("x", "w"), 3, (), (1, 2)])
+def test_manipulability_names_the_axes_that_there_are(maira, axes):
+    with pytest.raises(OptionError, match=r"translation.*'rz'|translation.*rz"):
+        mq.Manipulability(axes=axes).of(maira)
+
+
+@pytest.mark.parametrize("gain", [0, -1.0, np.nan, np.inf, "1", True])
+def test_a_gain_is_a_rate(maira, gain):
+    for kind in (mq.Posture, mq.LimitDistance):
+        with pytest.raises(OptionError, match=rf"gain of {kind.__name__} must be a positive number \[1/s\]"):
+            kind(gain=gain).of(maira)

@@ -232,7 +232,10 @@ def test_a_path_of_which_nothing_is_reached_is_refused():
         ({"acceleration": [1.0, 2.0]}, "acceleration must be real numbers of shape"),
         ({"acceleration": 1.0, "velocity": 99.0}, "would loosen"),
         ({"acceleration": 1.0, "jerk": 0.0}, "jerk must be positive"),
-        ({"acceleration": 1.0, "jerk": "fast"}, "jerk must be real numbers"),
+        ({"acceleration": 1.0, "jerk": "fast"}, "jerk must be a real number"),
+        ({"acceleration": 1.0, "jerk": {"elbow": 1.0}}, "'elbow' is not a joint"),
+        ({"acceleration": 1.0, "velocity": 1e-300}, "samples, more than are made"),
+        ({"acceleration": 1e-300}, "samples, more than are made"),
         ({"acceleration": 1.0, "dt": 0.0}, "dt must be a positive number"),
         ({"acceleration": 1.0, "dt": 1e-9}, "more than are made"),
         ({"acceleration": 1.0, "tool_speed": -1.0}, "tool_speed must be a positive number"),
@@ -276,3 +279,16 @@ def test_a_pickle_keeps_everything_but_the_robot():
     assert max(map(len, repr(t).splitlines())) <= 80
     with pytest.raises(OptionError, match="pickled path"):
         pickle.loads(pickle.dumps(path)).timed(acceleration=1.0)
+
+
+def test_a_jerk_of_some_joints_is_kept_and_limits_without_end_are_none(rng):
+    """Joints that are not named are free; a limit of 1e300, and a jerk of inf, are as good as none."""
+    q = wave(ARM, 30, rng)
+    t = followed(ARM, q).timed(acceleration=4.0, jerk={"joint1": 1.0}, dt=DT)
+    assert np.abs(differences(t.q[:, 0], 3)).max() <= 1.0 + 1e-6
+    assert np.abs(differences(t.q, 3)).max() > 1.5
+    free = followed(ARM, q).timed(acceleration=4.0, dt=DT)
+    assert followed(ARM, q).timed(acceleration=4.0, jerk=np.inf, dt=DT).duration == free.duration
+    assert t.duration > free.duration
+    quick = followed(ARM, q).timed(acceleration=1e300, dt=DT).duration
+    assert np.abs(np.diff(q, axis=0)).sum(axis=0).max() / ARM.velocity_limit.max() <= quick < free.duration
