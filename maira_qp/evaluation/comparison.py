@@ -1,7 +1,8 @@
-"""The two redundancy methods against the plain reference: the same random reachable poses, the same starts, one table.
+"""The ways to use the redundancy against the plain reference: the same random reachable poses and starts, one table.
 
-Weighted trades the pose for the posture: at its optimum the pose is off by about the weight. Strict gives up nothing of
-the pose and takes what posture is left. The reference (clamped, damped least squares with a pull to mid-range) has no
+Weighted trades the pose for the posture: at its optimum the pose is off by about the weight. A weight that fades with
+the pose error leaves the pose exact, and the posture near its optimum. Strict gives up nothing of the pose and finds
+the best posture that is left. The reference (clamped, damped least squares with a pull to mid-range) has no
 notion of the limits other than to clip. Each answer is judged by a forward kinematics that no method uses.
 """
 
@@ -44,7 +45,9 @@ def compare(
     options: Options | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Comparison:
-    """Solve random reachable poses with the reference, with Weighted at each of the weights, and with Strict.
+    """Solve random reachable poses with the reference, Weighted at each of the weights, a fading one, and Strict.
+
+    The one that fades has the first of the weights.
 
     `backend` None is the solver's own choice. `progress` is told the rows done and the rows in all.
     Raises `OptionError`, `BackendError`.
@@ -56,6 +59,7 @@ def compare(
     )
     made = plan(robot, settings, options)
     weighted = [qp_method(robot, "weighted", backend, w, options, label=f"weighted {w:g}") for w in weights]
+    weighted += [qp_method(robot, "fading", backend, w, options, label=f"fading {w:g}") for w in weights[:1]]
     made = replace(made, methods=[*made.methods[:-1], *weighted, made.methods[-1]])
     rows = []
     for row in measure(made):
@@ -71,10 +75,11 @@ def table(comparison: Comparison) -> Table:
     made = table_of(
         f"{robot.name}: {settings.targets} random reachable poses, from the same random starts",
         [""],
-        [s.method for s in comparison.summaries],
+        [s.method.replace(" ", "\n") for s in comparison.summaries],
         caption=(
             f"{legend(settings, options)}\nposture cost: 1/2 |q - middle|^2, of the loosely solved"
             "\ncondition number: of the Jacobian, median"
+            f"\n{GIVEN_UP}"
         ),
         caption_justify="left",
     )
@@ -82,6 +87,11 @@ def table(comparison: Comparison) -> Table:
         made.add_row(heading, *map(cell, comparison.summaries))
     return made
 
+
+GIVEN_UP = (
+    "given up: weighted: the pose, by about the weight; fading: a little posture;"
+    "\nstrict: nothing of the pose; dh-clamped: poses where a limit is in the way"
+)
 
 ROWS: dict[str, Callable[[Summary], str]] = {
     "solved": lambda s: percent(s.rate),

@@ -49,8 +49,13 @@ def methods(
 def qp_method(
     robot: Robot, name: str, backend: str, weight: float, options: Options, label: str | None = None
 ) -> Contestant:
-    """The package's solver: `pose` alone, or with the posture nearest to mid-range `weighted` or `strict`."""
-    redundancy = {"pose": None, "weighted": Weighted(Posture(), weight), "strict": Strict(Posture())}[name]
+    """The package's solver: `pose` alone, or with the posture nearest to mid-range `weighted`, `fading` or `strict`."""
+    redundancy = {
+        "pose": None,
+        "weighted": Weighted(Posture(), weight),
+        "fading": Weighted(Posture(), weight, fading=True),
+        "strict": Strict(Posture()),
+    }[name]
     solver = Solver(robot, redundancy=redundancy, backend=backend, options=options)
 
     def solve(target: Target, start: np.ndarray | None) -> Solution:

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 from maira_qp.errors import OptionError
 
-MethodName = Literal["dh-clamped", "newton", "gradient", "pose", "weighted", "strict"]
+MethodName = Literal["dh-clamped", "newton", "gradient", "pose", "weighted", "fading", "strict"]
 METHODS: tuple[MethodName, ...] = get_args(MethodName)
 Stratum = Literal["uniform", "near-limits-1e-2", "near-limits-1e-4", "stretched-elbow", "aligned-wrist", "out-of-reach"]
 STRATA: tuple[Stratum, ...] = get_args(Stratum)
@@ -21,7 +21,8 @@ class Settings:
     """What to compare, on which targets."""
 
     methods: tuple[MethodName, ...] = METHODS
-    """The references of the textbooks on the plain DH chain, and the solver: pose alone, weighted posture, strict."""
+    """The references of the textbooks on the plain DH chain, and the solver: pose alone, with a posture weighted,
+    fading, strict."""
     backends: tuple[str, ...] = ("daqp",)
     """QP backends of the solver's methods: compiled, daqp, ..."""
     strata: tuple[Stratum, ...] = STRATA

@@ -125,13 +125,14 @@ class Step(Columns):
     """`numbers` of a control step, see `control.step`.
 
     FIRST: how many tasks are of the first priority. ROWS: how many rows all tasks can have, with those in which levels
-    bend.
+    bend. FADING: the gradient below which the first level's posture fades; 0: it does not.
     """
 
     DAMPING, LEAST_DAMPING, HALVINGS, WITHIN, FARTHEST, FEASIBILITY, IS_SLOW = 0, 1, 2, 3, 4, 5, 6
     FIRST, ROWS = 7, 8
     POSITION_LOSS, ORIENTATION_LOSS, POSITION_WITHIN, ORIENTATION_WITHIN, STATIONARITY = 9, 10, 11, 12, 13
-    WIDTH = 14
+    FADING = 14
+    WIDTH = 15
 
 
 class TaskRow(Columns):

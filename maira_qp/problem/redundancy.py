@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, TypeGuard
+
+import numpy as np
 
 from maira_qp.arrays import is_number
 from maira_qp.errors import OptionError, shown
 from maira_qp.problem.objectives import Objective, check_objective
 from maira_qp.robots.model.robot import Robot
+
+FADING = 0.1
+"""Gradient of the pose's cost, the weighted error in rad, below which a weight that fades does so."""
+
+
+def trades_off(redundancy: Any) -> TypeGuard[Weighted]:
+    """Whether a redundancy costs the pose something: `Weighted` whose weight does not fade."""
+    return isinstance(redundancy, Weighted) and not redundancy.fading
 
 
 @dataclass(frozen=True)
@@ -16,25 +27,43 @@ class Weighted:
     """Weighted sum of pose error and objective: minimise `1/2 |W e|^2 + weight * objective`.
 
     At its optimum a pose error of the order of the weight remains, and is reported.
+
+    With `fading` the weight fades as the pose is reached, so that the objective steers the way and the pose is exact at
+    the end: see `faded`. A solve descends from the weighted optimum to the pose alone. What is given up is the
+    objective's optimum along the self-motion, which `Strict` finds.
     """
 
     objective: Objective
     weight: float = 1e-3
     """Weight of the objective relative to the pose error; > 0."""
+    fading: bool = False
+    """The weight fades with the pose error."""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.fading, (bool, np.bool_)):
+            raise OptionError(f"fading must be True or False, got {shown(self.fading)}")
         check_objective(self.objective)
         if not (is_number(self.weight) and 0 < self.weight < math.inf):
             raise OptionError(f"the weight of Weighted must be a positive number, got {shown(self.weight)}")
 
     def of(self, robot: Robot) -> Weighted:
         """Bind the objective to a robot."""
-        return Weighted(self.objective.of(robot), self.weight)
+        return replace(self, objective=self.objective.of(robot))
 
     @property
     def objectives(self) -> tuple[Objective]:
         """The objective."""
         return (self.objective,)
+
+    def faded(self, slope: np.ndarray, pull: np.ndarray) -> Weighted | None:
+        """The same with the weight where the pose's gradient is `slope` (n,) and the objective's `pull` (n,).
+
+        `weight |slope|^2 / (|slope|^2 + s^2)` with `s = max(FADING, weight |pull|)`: so faded, the objective's gradient
+        is at most half of the pose's, and balances it nowhere but where the pose's is zero. None: no weight is left.
+        """
+        square = float(slope @ slope)
+        weight = self.weight * square / (square + max(FADING, self.weight * float(np.linalg.norm(pull))) ** 2)
+        return Weighted(self.objective, weight) if weight > 0.0 else None
 
 
 @dataclass(frozen=True, init=False)

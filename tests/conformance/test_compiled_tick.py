@@ -29,6 +29,7 @@ def problems(robot: mq.Robot) -> dict[str, dict]:
         "poses": {},
         "posture": {"redundancy": STRICT},
         "weighted": {"redundancy": WEIGHTED},
+        "fading": {"redundancy": mq.Weighted(mq.Posture(), 1e-2, fading=True)},
         "levels": {"task": [mq.PositionTask(frame=first), *above[1:]], "redundancy": STRICT},
         "three": {"task": [*above, mq.ObjectiveTask(mq.Posture(), 0.5, priority=3, gain=0.5)]},
         "four": {"task": above, "redundancy": mq.Strict(mq.LimitDistance(), mq.Posture())},

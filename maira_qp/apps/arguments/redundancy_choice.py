@@ -17,18 +17,21 @@ DEFAULT_WEIGHT = 1e-3
 class RedundancyChoice:
     """What the redundancy is used for."""
 
-    redundancy: Literal["none", "weighted", "strict"] = "none"
-    """Joints near mid-range: no wish (none), traded for the pose at --weight, or as far as the pose allows (strict)."""
+    redundancy: Literal["none", "weighted", "fading", "strict"] = "none"
+    """Joints near mid-range: no wish (none), traded for the pose at --weight (weighted), the same with a weight that
+    fades as the pose is reached (fading), or as far as the pose allows (strict)."""
     weight: float | None = None
-    """What the posture counts with --redundancy weighted beside the squared pose error; > 0; none: 1e-3."""
+    """What the posture counts beside the squared pose error, with --redundancy weighted or fading; > 0; none: 1e-3."""
 
     def load(self) -> Weighted | Strict | None:
         """What a solver takes. Raises `OptionError`."""
         from maira_qp.problem.objectives import Posture
         from maira_qp.problem.redundancy import Strict, Weighted
 
-        if self.weight is not None and self.redundancy != "weighted":
-            raise OptionError("--weight only counts with --redundancy weighted")
-        if self.redundancy == "weighted":
-            return Weighted(Posture(), DEFAULT_WEIGHT if self.weight is None else self.weight)
+        is_weighted = self.redundancy in ("weighted", "fading")
+        if self.weight is not None and not is_weighted:
+            raise OptionError("--weight only counts with --redundancy weighted or fading")
+        if is_weighted:
+            weight = DEFAULT_WEIGHT if self.weight is None else self.weight
+            return Weighted(Posture(), weight, fading=self.redundancy == "fading")
         return Strict(Posture()) if self.redundancy == "strict" else None

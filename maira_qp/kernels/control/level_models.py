@@ -33,6 +33,8 @@ def level_costs(tree, parents, tasks, places, objectives, work, q, values):
     forward(tree, parents, q, poses)
     for level in range(len(objectives)):
         weight, values[level] = objectives[level, Level.WEIGHT], 0.0
+        if level == 0:
+            weight *= work.fade[0]
         if weight != 0.0:
             own = objectives[level, Level.REFERENCE :]
             values[level] = weight * objective_cost(q, own[:n], own[n:])
@@ -100,6 +102,27 @@ def level_model(tree, parents, tasks, places, objectives, level, work, q):
         asked += task[TaskRow.DAMPING] * _squared_error(task, e[t])
     ends[level] = end
     return asked
+
+
+@device_kernel
+def fade_posture(objectives, fading, work, q):
+    """Fade the posture of the first level in its model, as `problem.redundancy.Weighted.faded` explains."""
+    H, c, g, own, weight = work.H[0], work.c[0], work.g, objectives[0, Level.REFERENCE :], objectives[0, Level.WEIGHT]
+    n, slope, pull = len(q), 0.0, 0.0
+    for i in range(n):
+        part = weight * own[n + i] * (q[i] - own[i])
+        g[i] -= part
+        c[i] -= objectives[0, Level.GAIN] * part
+        slope += g[i] * g[i]
+        pull += part * part
+    fade = slope / (slope + max(fading * fading, pull))
+    for i in range(n):
+        part = fade * weight * own[n + i] * (q[i] - own[i])
+        g[i] += part
+        c[i] += objectives[0, Level.GAIN] * part
+        H[i, i] = fade * weight * own[n + i]
+    work.values[0] -= (1.0 - fade) * weight * objective_cost(q, own[:n], own[n:])
+    work.fade[0] = fade
 
 
 @device_kernel

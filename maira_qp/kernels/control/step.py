@@ -15,6 +15,7 @@ from maira_qp.kernels.control.hierarchical_qp import solve_each_level
 from maira_qp.kernels.control.level_models import (
     add_curvature,
     add_gauss_newton,
+    fade_posture,
     finish_model,
     is_reached,
     level_costs,
@@ -57,10 +58,13 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
     if fault != FINE:
         return fault
     lower, upper, step, trial, way = work.lower, work.upper, work.step, work.trial, work.way
+    work.fade[0] = 1.0
     level_costs(tree, parents, tasks, places, objectives, work, q, work.values)
     is_bent = False
     for level in range(len(objectives)):
         asked = level_model(tree, parents, tasks, places, objectives, level, work, q)
+        if level == 0 and numbers[Step.FADING] > 0.0:
+            fade_posture(objectives, numbers[Step.FADING], work, q)
         bends = find_residual(tree, objectives, level, work, q, dt)
         add_curvature(tree, parents, tasks, places, level, bends, work, q)
         add_gauss_newton(level, work)

@@ -25,6 +25,7 @@ STEP_WORK = Arena(
         **{"near_poses": "n, 12", "near_tools": "3, 12", "near_rows": "6, n", "near_J": "n, 6"},  # near q
         **{"kept": "tasks, 2", "way": "n"},  # of errors; where the levels would go if there were no time
         **dict.fromkeys(("saddle", "gradients", "left_norms", "flat", "still"), "levels"),
+        "fade": "1",  # what the weight of the first level's posture is multiplied by
         "row_qp": ROW_QP.floats,
     },
     integers={

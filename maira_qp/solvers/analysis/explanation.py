@@ -21,7 +21,7 @@ from maira_qp.problem.objectives import Posture
 from maira_qp.problem.options import Options
 from maira_qp.problem.problem import ACTIVE_WITHIN, Problem
 from maira_qp.problem.qp.costs import multipliers
-from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.redundancy import Strict, trades_off
 from maira_qp.problem.targets import Poses
 from maira_qp.problem.tasks.frame import FrameTask, frame_error
 from maira_qp.results.explanation import ActiveLimit, ActivePair, BrokenLimit, Explanation
@@ -79,7 +79,7 @@ def explain(solution: Solution, poses: Poses, context: Context, resolve: Resolve
         else limit
         for limit in sorted(standing, key=lambda limit: -limit.multiplier)
     ]
-    weighs = isinstance(problem.redundancy, Weighted) and not solution.success
+    weighs = trades_off(problem.redundancy) and not solution.success
     found = [one for one in (free, *alone.values()) if one is not None and one.success]
     return Explanation(
         status=solution.status,
@@ -126,7 +126,7 @@ def _of_broken_limits(solution: Solution, context: Context) -> Explanation:
 def _force(problem: Problem, poses: Poses, at: Configuration, solution: Solution) -> np.ndarray:
     """The gradient (n,) of what was minimised that limits hold up: at a lower one it is positive."""
     cost, wish = problem.costs(poses)
-    if isinstance(wish, Weighted):
+    if trades_off(wish):
         return cost.level(at).c + wish.weight * wish.objective.gradient(at)
     if not solution.success:
         return cost.level(at).c

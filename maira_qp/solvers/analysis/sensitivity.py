@@ -32,7 +32,7 @@ from maira_qp.problem.objectives import Objective
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.costs import ExactTaskCost, LevelObjective, TaskCost, WeightedCost, multipliers
 from maira_qp.problem.qp.hierarchy import largest_row
-from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.redundancy import Strict, Weighted, trades_off
 from maira_qp.problem.targets import Poses
 from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.robots.model.configuration import Configuration
@@ -52,7 +52,7 @@ def dq_dtarget(poses: Poses, at: Configuration, context: Context, reached: bool)
     cost, wish = problem.costs(poses)
     _check(problem, wish, at, context)
     answer = _Answer(cost, tuple(task.target_frame is not None for task in problem.tasks), at, context)
-    if isinstance(wish, Weighted) and (reached or _is_trade_off(cost, wish, at, context)):
+    if trades_off(wish) and (reached or _is_trade_off(cost, wish, at, context)):
         return answer.of_trade_off(wish)
     if not reached:
         return answer.of_nearest()

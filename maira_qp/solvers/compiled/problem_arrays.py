@@ -16,7 +16,7 @@ from maira_qp.kernels.layout import Joint, Setting, Settling
 from maira_qp.kernels.search.multi_start import FARTHEST_START
 from maira_qp.problem.objectives import LimitDistance, Posture
 from maira_qp.problem.problem import Problem
-from maira_qp.problem.redundancy import Strict
+from maira_qp.problem.redundancy import Strict, trades_off
 from maira_qp.problem.targets import FARTHEST
 from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.robots.model.revolutions import WITHIN, WholeTurns
@@ -169,8 +169,8 @@ class ProblemArrays:
 
     @property
     def trades_off(self) -> bool:
-        """There is a redundancy, and it is `Weighted`."""
-        return self.redundancy is not None and self.redundancy.share is not None
+        """There is a redundancy, and it is `Weighted` and costs the pose something."""
+        return trades_off(self.problem.redundancy) and self.settles
 
     @property
     def posture(self) -> tuple[np.ndarray, np.ndarray]:
@@ -196,6 +196,7 @@ class ProblemArrays:
         reference, weights = self.posture
         return 0.5 * np.square(q - reference) @ weights
 
+    @cached_property
     def exact(self) -> Self:
         """The same with descents that do not end before the last digits, even next to a singularity."""
         settings = self.settings.copy()

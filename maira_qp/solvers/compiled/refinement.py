@@ -13,7 +13,7 @@ from maira_qp.kernels.refinement.nearest_pose import nearest_points
 from maira_qp.kernels.refinement.null_space_sqp import settle_alone, trade_off_each
 from maira_qp.kernels.refinement.stabilized_sqp_simd import settle_in_lanes
 from maira_qp.solvers.compiled.batch import Batch
-from maira_qp.solvers.compiled.multi_start import attempt
+from maira_qp.solvers.compiled.multi_start import attempt, descend
 from maira_qp.solvers.compiled.outcomes import all_reached, unsettled
 from maira_qp.solvers.compiled.problem_arrays import ProblemArrays
 from maira_qp.solvers.neighbourhood import TURNINGS
@@ -56,10 +56,14 @@ def refine(arrays: ProblemArrays, rows: np.ndarray, near: np.ndarray | None, q: 
     settle(arrays, arrays.posture, rows, q, after)
     if near is not None:
         _at_turns(arrays, rows, near, arrays.posture, partial(settle, arrays, arrays.posture), q, after)
-    if arrays.trades_off:
-        _trade_off(arrays, rows, q, after)
-        if near is not None:
-            _at_turns(arrays, rows, near, arrays.posture, partial(_trade_off_again, arrays), q, after)
+    if arrays.redundancy is None or arrays.redundancy.share is None:
+        return
+    settled = None if arrays.trades_off else (q.copy(), after.copy())
+    _trade_off(arrays, rows, q, after)
+    if near is not None:
+        _at_turns(arrays, rows, near, arrays.posture, partial(_trade_off_again, arrays), q, after)
+    if settled is not None:
+        _reach_again(arrays, rows, *settled, q, after)
 
 
 def refined(arrays: ProblemArrays, row: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -120,6 +124,29 @@ def _trade_off(arrays: ProblemArrays, rows: np.ndarray, q: np.ndarray, after: np
     """From there to the optima of the weighted sum."""
     assert arrays.redundancy is not None
     trade_off_each(arrays.chain, arrays.settings, rows, *arrays.redundancy, arrays.settling, q, after)
+
+
+def _reach_again(
+    arrays: ProblemArrays,
+    rows: np.ndarray,
+    settled: np.ndarray,
+    there: np.ndarray,
+    q: np.ndarray,
+    after: np.ndarray,
+) -> None:
+    """From optima of the weighted sum to the pose alone, as the weight fades; what fails stays where it was settled.
+
+    That is `settled` (N, n), with results `there` (N, 6).
+    """
+    end, outcome = descend(arrays.exact, rows, q)
+    reached = (outcome[:, Outcome.SUCCESS] > 0.0) & (there[:, Refinement.REACHED] > 0.0)
+    q[:] = np.where(reached[:, None], end, settled)
+    after[:, Refinement.ITERATIONS] += outcome[:, Outcome.SPENT]
+    after[:, Refinement.OBJECTIVE] = arrays.wish(q)
+    after[:, Refinement.POSITION_ERROR] = outcome[:, Outcome.POSITION_ERROR]
+    after[:, Refinement.ORIENTATION_ERROR] = outcome[:, Outcome.ORIENTATION_ERROR]
+    after[:, Refinement.REACHED] = 1.0
+    after[~reached] = there[~reached]
 
 
 def _trade_off_again(arrays: ProblemArrays, rows: np.ndarray, q: np.ndarray, after: np.ndarray) -> None:

@@ -26,7 +26,7 @@ from maira_qp.problem.limits.joint import FEASIBILITY
 from maira_qp.problem.objectives import LimitDistance, Objective, Posture, share_of
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.costs import LevelObjective, TaskCost
-from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.redundancy import FADING, Strict, Weighted
 from maira_qp.problem.targets import FARTHEST
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
@@ -65,7 +65,7 @@ class CompiledTick:
     staying: tuple[bool, ...]
     """Which of the postures are those of now"""
     numbers: np.ndarray
-    """(14,)"""
+    """(15,)"""
     still: np.ndarray
     """(n,) no velocity"""
     sizes: tuple[int, int]
@@ -153,8 +153,8 @@ class CompiledTick:
 
 
 def _numbers(problem: Problem, rows: int) -> np.ndarray:
-    """The numbers (14,) of a problem whose tasks can have so many rows, see `kernels.layout.Step`."""
-    robot, options = problem.robot, problem.options
+    """The numbers (15,) of a problem whose tasks can have so many rows, see `kernels.layout.Step`."""
+    robot, options, redundancy = problem.robot, problem.options, problem.redundancy
     return Step.row(
         DAMPING=options.damping,
         LEAST_DAMPING=LEAST_DAMPING,
@@ -170,6 +170,7 @@ def _numbers(problem: Problem, rows: int) -> np.ndarray:
         POSITION_WITHIN=options.position_tolerance,
         ORIENTATION_WITHIN=options.orientation_tolerance,
         STATIONARITY=options.stationarity_tolerance,
+        FADING=FADING if isinstance(redundancy, Weighted) and redundancy.fading else 0.0,
     )
 
 
@@ -209,6 +210,8 @@ def _levels(problem: Problem) -> list[_Level] | None:
     weighted = (ObjectiveTask(redundancy.objective, redundancy.weight),) if isinstance(redundancy, Weighted) else ()
     strict = redundancy.objectives if isinstance(redundancy, Strict) else ()
     top, *soft = split_equalities(LevelObjective(TaskCost(problem.tasks), weighted))
+    if soft and isinstance(redundancy, Weighted) and redundancy.fading:
+        return None  # it fades a posture of the first level alone
     below = [part for level in problem.hierarchy.lower for part in split_equalities(level)]
     levels = [_level(LevelObjective(top.tasks)), *map(_lower_level, (*soft, *below))]
     if weighted and not soft and levels[0] is not None:

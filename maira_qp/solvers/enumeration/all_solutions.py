@@ -235,7 +235,7 @@ class Enumeration:
         errors = [Outcome.POSITION_ERROR, Outcome.ORIENTATION_ERROR]
         q, outcome = descend(engine, self._row, starts)
         reached = self._is_reached(outcome[:, errors])
-        q[reached], outcome[reached] = descend(engine.exact(), self._row, q[reached])
+        q[reached], outcome[reached] = descend(engine.exact, self._row, q[reached])
         return q, self._is_reached(outcome[:, errors])
 
     def _is_reached(self, errors: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ import numpy as np
 
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.costs import TaskCost, tasks_toward
-from maira_qp.problem.redundancy import Strict, Weighted
+from maira_qp.problem.redundancy import Strict, Weighted, trades_off
 from maira_qp.problem.targets import Poses, Targets, poses_of, streams
 from maira_qp.results.solution import Solution
 from maira_qp.results.status import status_of
@@ -216,7 +216,7 @@ class ReferenceEngine:
         """
         context, tolerance = self.context, self.context.options.stationarity_tolerance
         at, gradient = self._refined_at_turns(found.best, cost, wish, reached, budget, start)
-        near = found.near if isinstance(wish, Weighted) else None
+        near = found.near if trades_off(wish) else None
         if near is not None and not is_closer(cost.value(at), near.cost, cost, context.options):
             found = replace(found, best=near, left=False)  # what it was left for is no better once traded off
             at, gradient = self._refined_at_turns(near, cost, wish, reached, budget, start)

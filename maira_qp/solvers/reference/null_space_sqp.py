@@ -90,9 +90,13 @@ def settle(
         met, context = _wishes_held(met, context)
         cost, objectives = TaskCost((*cost.tasks, *met.tasks)), objectives[1:]
         settled = replace(settled, at=_restored(cost, settled.at, context, budget, reached) or settled.at)
-    if isinstance(redundancy, Weighted):
-        return _trade_off(WeightedCost(cost, redundancy.objective, redundancy.weight), settled.at, context, budget)
-    return settled
+    if not isinstance(redundancy, Weighted):
+        return settled
+    traded = _trade_off(WeightedCost(cost, redundancy.objective, redundancy.weight), settled.at, context, budget)
+    if not redundancy.fading:
+        return traded
+    exact = _restored(cost, traded.at, context, budget, reached)
+    return settled if exact is None else replace(traded, at=exact)
 
 
 @dataclass(frozen=True)

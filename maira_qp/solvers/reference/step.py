@@ -142,6 +142,8 @@ def tick(
     the first level to what the limits allow.
     """
     end = None if deadline is None else time.monotonic() + deadline
+    if isinstance(redundancy, Weighted) and redundancy.fading:
+        redundancy = redundancy.faded(cost.gradient(at), redundancy.objective.gradient(at))
     robot, bounds = context.robot, context.bounds(at, now)
     models = _models(cost, redundancy, at, context, now, bounds)
     if keep_direction:

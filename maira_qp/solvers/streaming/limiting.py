@@ -30,7 +30,7 @@ from maira_qp.kernels.control.active_limits import (
 from maira_qp.problem.limits.collision import CollisionLimit
 from maira_qp.problem.limits.joint import KEPT, Tick
 from maira_qp.problem.problem import ACTIVE_WITHIN, Problem
-from maira_qp.problem.redundancy import Weighted
+from maira_qp.problem.redundancy import trades_off
 from maira_qp.results.status import StepStatus
 from maira_qp.results.step import Step
 
@@ -107,7 +107,7 @@ class Limiting:
     def _at_rest(self, step: Step) -> str:
         """Of an arm that stands where nothing near by is nearer."""
         off = _amount(step.position_error, step.orientation_error)
-        if isinstance(self.problem.redundancy, Weighted):
+        if trades_off(self.problem.redundancy):
             return f"at rest {off} from the target: out of reach, or the weighted redundancy's share"
         return f"out of reach by {off}"
 

@@ -45,7 +45,7 @@ def compare(problem: Problem, rows: np.ndarray, starts: np.ndarray, within: floa
         same += bool(np.abs(q - general.at.q).max() < within)
         optimal += general.projected_gradient <= STATIONARY
         found += outcome[Refinement.PROJECTED_GRADIENT] <= STATIONARY
-        exact = descend(problem.arrays.exact(), row, start[None])[0][0]
+        exact = descend(problem.arrays.exact, row, start[None])[0][0]
         assert problem.total(row, q) <= max(problem.total(row, start), problem.total(row, exact)) + 1e-2
         regained += problem.cost(row).value(problem.robot.at(q)) <= 1e-22
     assert problem.weight or regained >= 0.9 * len(rows)
