@@ -5,7 +5,10 @@ BIN := .venv/bin
 # Tests of kernels that are run once more as Numba compiles them without the project's own passes, kernels/parts.py.
 WITHOUT_PASSES := tests/unit/kernels/test_rigid.py tests/unit/kernels/test_random_numbers.py tests/unit/kernels/test_qp.py
 
-.PHONY: demo test quick lint examples clean
+# Tests that run once more with the oldest Pinocchio that is supported: all that touches its models.
+WITH_PINOCCHIO := tests/unit/robots tests/unit/problem tests/unit/solvers tests/unit/integrations
+
+.PHONY: demo test oldest quick lint examples clean
 
 demo: .venv/.ready ## solve random poses with both redundancy methods and the plain reference, compare them
 	$(BIN)/maira-qp compare --picture output/comparison.png
@@ -16,6 +19,9 @@ test: .venv/.ready ## run the tests; those of the kernels again as plain Python,
 	OMP_NUM_THREADS=1 OPENBLAS_CORETYPE=Haswell $(BIN)/python -m pytest -q -n auto -m rounding
 	OMP_NUM_THREADS=1 OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic $(BIN)/python -m pytest -q -n auto -m rounding
 	OMP_NUM_THREADS=1 MAIRA_QP_INLINE=0 $(BIN)/python -m pytest -q -n 0 $(WITHOUT_PASSES)
+
+oldest: .venv-oldest/.ready ## run the tests of models, problems and solvers beside what LeRobot installs, .ci/oldest.txt
+	OMP_NUM_THREADS=1 .venv-oldest/bin/python -m pytest -q -n auto $(WITH_PINOCCHIO)
 
 quick: .venv/.ready ## run the unit tests alone: about a minute once the kernels are compiled
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist loadgroup tests/unit
@@ -35,5 +41,12 @@ examples: .venv/.ready ## run every example; pictures go to output/
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	touch $@
 
+.venv-oldest/.ready: pyproject.toml .ci/oldest.txt
+	$(PYTHON) -m venv .venv-oldest
+	.venv-oldest/bin/python -m pip install --quiet --upgrade pip
+	.venv-oldest/bin/python -m pip install --quiet --editable '.[qp,time,closed-form]' -r .ci/oldest.txt \
+		pytest pytest-xdist hypothesis mpmath yourdfpy example-robot-data rtb-data
+	touch $@
+
 clean: ## remove the environment and what was produced
-	rm -rf .venv output
+	rm -rf .venv .venv-oldest output

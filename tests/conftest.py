@@ -1,10 +1,37 @@
-"""Robots shared by all tests, and the random stream of each."""
+"""Robots shared by all tests, the random stream of each, and what is skipped beside an old Pinocchio."""
 
 import numpy as np
 import pytest
 from support.robots import load
 
 import maira_qp as mq
+from maira_qp.errors import RobotError
+from maira_qp.robots.model.pinocchio_versions import HAS_MIMIC
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup():
+    """Skip tests with a robot that this version of Pinocchio cannot hold."""
+    try:
+        return (yield)
+    except RobotError as reason:
+        _skip_without_mimic(reason)
+        raise
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call():
+    """Skip tests that make such a robot themselves."""
+    try:
+        return (yield)
+    except RobotError as reason:
+        _skip_without_mimic(reason)
+        raise
+
+
+def _skip_without_mimic(reason: RobotError) -> None:
+    if not HAS_MIMIC and " mimics " in str(reason):
+        pytest.skip(str(reason))
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.robots.collision.scene import Part, radius_of
+from maira_qp.robots.model.pinocchio_versions import jacobian_columns
 
 
 def levers(model: pin.Model, own: Sequence[Part]) -> np.ndarray:
@@ -21,11 +22,11 @@ def levers(model: pin.Model, own: Sequence[Part]) -> np.ndarray:
         reach[part.joint] = max(reach[part.joint], farthest)
     data = model.createData()
     J = pin.computeJointJacobians(model, data, pin.neutral(model)).reshape(6, -1)
-    found = np.zeros(model.nv)
+    columns, found = jacobian_columns(model)[1], np.zeros(model.nv)
     for index in range(model.njoints - 1, 0, -1):
         joint, parent = model.joints[index], model.parents[index]
-        turn = float(np.linalg.norm(J[3:, joint.idx_vExtended]))
-        slide = 0.0 if turn else float(np.linalg.norm(J[:3, joint.idx_vExtended]))
+        turn = float(np.linalg.norm(J[3:, columns[index]]))
+        slide = 0.0 if turn else float(np.linalg.norm(J[:3, columns[index]]))
         found[joint.idx_v] += turn * reach[index] + slide
         limits = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
         travel = slide * max(map(abs, limits)) if slide else 0.0

@@ -24,6 +24,7 @@ import pinocchio as pin
 
 from maira_qp.robots.collision.link_shapes import LinkShape
 from maira_qp.robots.collision.shapes import Shape
+from maira_qp.robots.model.pinocchio_versions import jacobian_columns
 from maira_qp.robots.model.robot import Robot
 
 GJK_TOLERANCE = 1e-9
@@ -202,12 +203,11 @@ def _carried(model: pin.Model) -> tuple[np.ndarray, np.ndarray | None]:
 
     And the matrix (columns, n) that adds the columns of mimic joints to those of their leaders, where there are any.
     """
-    columns = model.nvExtended
+    columns, places = jacobian_columns(model)
     carried = np.zeros((model.njoints, columns))
     expansion = np.zeros((columns, model.nv))
     for index in range(1, model.njoints):
-        joint = model.joints[index]
         carried[index] = carried[model.parents[index]]
-        carried[index, joint.idx_vExtended] = 1
-        expansion[joint.idx_vExtended, joint.idx_v] = 1
+        carried[index, places[index]] = 1
+        expansion[places[index], model.joints[index].idx_v] = 1
     return carried, None if columns == model.nv else expansion

@@ -19,6 +19,7 @@ from maira_qp.robots.model.frame_names import known_frame, named_tips
 from maira_qp.robots.model.joint_limits import ENDLESS, JointLimits, Limits, given_limits
 from maira_qp.robots.model.joint_types import is_unbounded, one_number
 from maira_qp.robots.model.kinematics import MAX_JOINTS
+from maira_qp.robots.model.pinocchio_versions import check_mimic, copy_velocity_arrays, mimic_couplings, mimic_joint
 
 Couplings = Mapping[str, tuple[str, float, float]]
 """Followers by name, each with its leader, multiplier and offset: q = multiplier * q_leader + offset."""
@@ -26,10 +27,6 @@ Couplings = Mapping[str, tuple[str, float, float]]
 UNIVERSE = "universe"
 """Pinocchio's name of the frame that does not move."""
 _FRAMES = (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.SENSOR)
-_OF_VELOCITIES = (
-    *("armature", "damping", "rotorInertia", "rotorGearRatio", "lowerDryFrictionLimit", "upperDryFrictionLimit"),
-    *("lowerEffortLimit", "upperEffortLimit", "lowerVelocityLimit", "upperVelocityLimit"),
-)
 
 
 class Reduced(NamedTuple):
@@ -100,9 +97,11 @@ def reduced(
 
 
 def coupled(model: pin.Model, mimic: Couplings) -> pin.Model:
-    """The model with followers that follow: the same one where there are none."""
+    """The model with followers that follow: the same one where there are none. Raises `RobotError`."""
     if not mimic:
         return model
+    for follower, (leader, _, _) in mimic.items():
+        check_mimic(follower, leader)
     ids = {model.getJointId(name): (model.getJointId(mimic[name][0]), *mimic[name][1:]) for name in mimic}
     kinds = {j: model.joints[j] for j in range(1, model.njoints)}
     new = _built(model, model.frames[0], [0, *kinds], kinds, None, ids)
@@ -162,7 +161,7 @@ def _path(model: pin.Model, frame: int, root: int, base: str, tip: str) -> list[
 def _couplings(model: pin.Model, mimic: Couplings | None) -> dict[int, tuple[int, float, float]]:
     """Leader, multiplier and offset of followers, of the model and of those that are given. Raises `RobotError`."""
     couplings = {}
-    for follower, leader in zip(model.mimicking_joints, model.mimicked_joints, strict=True):
+    for follower, leader in mimic_couplings(model):
         joint = model.joints[follower].extract()
         couplings[follower] = leader, float(joint.scaling), float(joint.offset)
     if not isinstance(mimic, (Mapping, type(None))):
@@ -293,8 +292,7 @@ def _built(
     for j, (parent, placement) in carriers.items():
         new.appendBodyToJoint(parent, model.inertias[j], placement)
     places = [model.joints[j].idx_v for j in joints[1:] if j in kinds and j not in couplings]
-    for key in _OF_VELOCITIES:
-        setattr(new, key, np.array(getattr(model, key))[places])
+    copy_velocity_arrays(model, new, places)
     indices = {0: 0}
     for index, frame in enumerate(model.frames):
         if index > 0 and frame.parentJoint in carriers:
@@ -315,10 +313,7 @@ def _follower(
 ) -> pin.JointModel:
     """A joint that follows the leader that stands in a model already."""
     leader, multiplier, offset = coupling
-    leads = model.joints[carriers[leader][0]]
-    follower = pin.JointModel(kind)
-    follower.setIndexes(leads.id, leads.idx_q, leads.idx_v, leads.idx_vExtended)
-    return pin.JointModelMimic(follower, multiplier, offset)
+    return mimic_joint(kind, model.joints[carriers[leader][0]], multiplier, offset)
 
 
 def _check_finite(model: pin.Model) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from maira_qp.robots.model import catalog
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.joint_limits import JointLimits
 from maira_qp.robots.model.kinematics import Kinematics
+from maira_qp.robots.model.pinocchio_versions import model_from_pickle, model_to_pickle
 from maira_qp.robots.model.reduced import Couplings, Reduced, coupled, frames_of, independent, reduced
 from maira_qp.robots.model.sources import DHSource, Source, URDFSource
 from maira_qp.robots.urdf.model import model_of
@@ -428,9 +429,16 @@ class Robot(Shown):
         arrays = limits.lower, limits.upper, limits.velocity, limits.acceleration
         return self.name, self.base, self.tips, self.joint_names, *(tuple(array.tolist()) for array in arrays)
 
-    def __reduce__(self) -> tuple[type[Robot], tuple[object, ...]]:
-        parts = self._uncoupled, self._mimic, self.name, self.base, self.tips, self.acceleration_limit, self._source
-        return Robot, parts
+    def __reduce__(self) -> tuple[Callable[..., Robot], tuple[object, ...]]:
+        model = model_to_pickle(self._uncoupled)
+        return _unpickled, (
+            *model,
+            *(self._mimic, self.name, self.base, self.tips, self.acceleration_limit, self._source),
+        )
+
+
+def _unpickled(model: pin.Model, arrays: dict[str, np.ndarray], *rest: Any) -> Robot:
+    return Robot(model_from_pickle(model, arrays), *rest)
 
 
 def drawn(rng: np.random.Generator, lower: np.ndarray, upper: np.ndarray, *count: int) -> np.ndarray:

@@ -11,6 +11,8 @@ from support.robots import REAL_ROBOTS, load, urdf_file
 
 import maira_qp as mq
 from maira_qp.errors import FrameError, OptionError, RobotError
+from maira_qp.robots.model import pinocchio_versions
+from maira_qp.robots.model.pinocchio_versions import HAS_MIMIC
 
 AT = pin.SE3(pin.utils.rpyToMatrix(0.3, -0.2, 0.5), np.array([0.1, 0.2, 0.3]))
 RUB = pin.JointModelRUBZ
@@ -46,11 +48,16 @@ def frame_of(model: pin.Model, q: np.ndarray, name: str) -> pin.SE3:
     return data.oMf[model.getFrameId(name, pin.FrameType.BODY)]
 
 
+def read_by_pinocchio(name: str) -> pin.Model:
+    """One of the real robots, with mimic joints where this version of Pinocchio has them."""
+    return pin.buildModelFromUrdf(str(urdf_file(name)), **({"mimic": True} if HAS_MIMIC else {}))
+
+
 @pytest.mark.parametrize("name", SOME)
 def test_a_model_of_a_real_robot_is_the_robot_of_its_urdf(name, rng):
     """Read by Pinocchio alone, continuous and mimic joints among its joints: same kinematics, limits, frames."""
     real = REAL_ROBOTS[name]
-    model = pin.buildModelFromUrdf(str(urdf_file(name)), mimic=True)
+    model = read_by_pinocchio(name)
     made, expected = mq.Robot.from_model(model, real.tip, real.base), load(name)
     order = [expected.joint_names.index(joint) for joint in made.joint_names]
     assert sorted(order) == list(range(expected.n))
@@ -75,7 +82,7 @@ def test_a_model_of_a_real_robot_is_the_robot_of_its_urdf(name, rng):
 def test_a_model_is_solved_as_its_urdf_is(name, rng):
     """From the same starts the answers differ by rounding alone."""
     real, expected = REAL_ROBOTS[name], load(name)
-    made = mq.Robot.from_model(pin.buildModelFromUrdf(str(urdf_file(name)), mimic=True), real.tip, real.base)
+    made = mq.Robot.from_model(read_by_pinocchio(name), real.tip, real.base)
     order = [expected.joint_names.index(joint) for joint in made.joint_names]
     if name == "panda_finger":
         made = made.limited(lower=np.maximum(made.lower, expected.lower[order]))
@@ -307,3 +314,22 @@ def test_a_follower_beside_the_way_stands_where_its_leader_at_rest_has_it(rng):
     q = rng.uniform(0.3, 1, 2)
     T = frame_of(model, np.append(q, 2.0 * 0.25 + 0.1), "aside").homogeneous
     np.testing.assert_allclose(robot.forward(q, "aside").homogeneous, T, rtol=0, atol=1e-14)
+
+
+def test_a_pinocchio_without_mimic_joints_says_so(monkeypatch):
+    """Robots without them are the same there; one with them names the joints and the remedy."""
+    plain = load("panda")
+    monkeypatch.setattr(pinocchio_versions, "HAS_MIMIC", False)
+    assert load("panda") == plain
+    mq.Solver(plain, limits=[mq.CollisionLimit(margin=0.01, missing="ignore")])
+    with pytest.raises(RobotError, match=r"'panda_finger_joint2' mimics 'panda_finger_joint1'.*pin>=3\.7"):
+        load("panda_finger")
+
+
+def test_pickled_models_keep_what_is_infinite():
+    """And all other numbers of their joints: versions of Pinocchio before 4 cannot read inf back."""
+    model = model_of(pin.JointModelRZ(), pin.JointModelPX())
+    model.velocityLimit, model.armature = np.array([inf, 2.0]), np.array([0.3, 0.4])
+    model.lowerPositionLimit, model.upperPositionLimit = np.array([-inf, -1.0]), np.array([inf, 1.0])
+    sent = pickle.loads(pickle.dumps(pinocchio_versions.model_to_pickle(model)))
+    assert pinocchio_versions.model_from_pickle(*sent) == model
