@@ -8,7 +8,7 @@ WITHOUT_PASSES := tests/unit/kernels/test_rigid.py tests/unit/kernels/test_rando
 # Tests that run once more with the oldest Pinocchio that is supported: all that touches its models.
 WITH_PINOCCHIO := tests/unit/robots tests/unit/problem tests/unit/solvers
 
-.PHONY: demo test oldest quick lint examples clean
+.PHONY: demo test oldest quick lint examples docs gallery clean
 
 demo: .venv/.ready ## solve random poses with both redundancy methods and the plain reference, compare them
 	$(BIN)/maira-qp compare --picture output/comparison.png
@@ -35,6 +35,12 @@ lint: .venv/.ready ## style, types, and the import contract
 examples: .venv/.ready ## run every example; pictures go to output/
 	for example in examples/*.py; do echo "== $$example"; $(BIN)/python $$example || exit 1; done
 
+docs: .venv/.ready ## build the documentation site into site/, without a network; a warning is an error
+	NO_MKDOCS_2_WARNING=1 OMP_NUM_THREADS=1 $(BIN)/mkdocs build --quiet
+
+gallery: examples ## take the pictures of the examples into the documentation's gallery
+	$(BIN)/python docs/builder/gallery.py
+
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade pip
@@ -49,4 +55,4 @@ examples: .venv/.ready ## run every example; pictures go to output/
 	touch $@
 
 clean: ## remove the environment and what was produced
-	rm -rf .venv .venv-oldest output
+	rm -rf .venv .venv-oldest output site

@@ -1,10 +1,12 @@
 """maira_qp: constrained inverse kinematics by quadratic programming.
 
+```python
 import maira_qp as mq
 
 robot = mq.Robot.maira()
 solver = mq.Solver(robot, redundancy=mq.Strict(mq.Posture()))
 solution = solver.solve(mq.pose([0.4, 0.2, 0.9], quaternion=[1, 0, 0, 0]))
+```
 """
 
 from maira_qp import errors, paths

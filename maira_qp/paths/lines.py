@@ -29,7 +29,10 @@ EDGES_OF_CUBE = (0, 1, 3, 2, 0, 4, 5, 7, 6, 4, 5, 1, 3, 7, 6, 2)
 def line(start: Any, end: Any, *, step: float = STEP, turn: float = TURN, frame: Any = None) -> np.ndarray:
     """Make a straight line from pose to pose, the orientation by slerp: poses (N, 4, 4), evenly spaced.
 
-    From a pose to itself it is that pose. `step`, `turn`, `frame`: see `maira_qp.paths`.
+    Args:
+        start, end: the poses at its ends; from a pose to itself it is that pose.
+        step, turn, frame: see `maira_qp.paths`.
+
     Raises `PoseError`, `OptionError`.
     """
     ends = np.array([checked_pose(start, "start"), checked_pose(end, "end")])
@@ -86,7 +89,15 @@ def rectangle(
 def square(
     center: Any, side: float, *, blend: float = 0.0, step: float = STEP, turn: float = TURN, frame: Any = None
 ) -> np.ndarray:
-    """Make a square, a `rectangle` of equal sides [m]. Raises `PoseError`, `OptionError`."""
+    """Make a square in the xy-plane of a pose: poses (N, 4, 4), as those of `rectangle`.
+
+    Args:
+        center: pose of its centre.
+        side: length of its sides [m], > 0.
+        blend, step, turn, frame: as for `polyline`.
+
+    Raises `PoseError`, `OptionError`.
+    """
     side = finite_positive(side, "side", "metres")
     return rectangle(center, side, side, blend=blend, step=step, turn=turn, frame=frame)
 

@@ -93,7 +93,7 @@ class Trajectory(OfProblem):
         return float(self.times[-1])
 
     def at(self, t: Any) -> np.ndarray:
-        """Configurations (n,) at a time, or (K, n) at times (K,) [s], by cubic polynomials between the samples.
+        """Configurations (n,) at a time `t` [s], or (K, n) at times (K,), by cubic polynomials between the samples.
 
         Raises `OptionError` for times that are not from 0 to `duration`.
         """

@@ -42,10 +42,14 @@ def compile(
 ) -> None:
     """Compile all kernels that some verbs need, and keep them for every later process: see `maira-qp cache`.
 
-    For a robot only those that its kind of arm needs are compiled, for a solver those that its redundancy needs; None:
-    those for every arm and every redundancy. `verbs` are of "solve", "solve_batch", "solutions", "step" and "track".
-    `processes` work at a time; None: as many as there are processors for this process. `progress` is called with the
-    number of jobs that are done and their total. What is compiled already is loaded.
+    What is compiled already is loaded.
+
+    Args:
+        robot_or_solver: for a robot what its kind of arm needs is compiled, for a solver what its redundancy needs;
+            None: what every arm and every redundancy needs.
+        verbs: of "solve", "solve_batch", "solutions", "step" and "track".
+        processes: how many work at a time; None: as many as there are processors for this process.
+        progress: called with the number of jobs that are done and their total.
 
     Raises `OptionError` for an unknown verb or no process, `CompilationError` where compiled code cannot be kept.
     """

@@ -130,7 +130,7 @@ class Solver(Shown):
         return self.engines.name
 
     def limited(self, **limits: Any) -> Solver:
-        """The same solver for `robot.limited(...)`, with its arguments. Raises `OptionError`."""
+        """The same solver for `robot.limited(**limits)`. Raises `OptionError`."""
         return Solver(self.robot.limited(**limits), **self._given)
 
     def _card(self) -> Card:

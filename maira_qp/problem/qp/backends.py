@@ -93,7 +93,7 @@ class Backend:
             )
 
     def solve(self, qp: QP) -> QPSolution:
-        """The solution of a QP; a failure of any kind is a solution that says `found=False`."""
+        """The solution of the QP `qp`; a failure of any kind is a solution that says `found=False`."""
         if not qp.is_well_posed():
             return _nothing(qp, "the QP holds NaN or an empty interval")
         if not qp.c.any() and (qp.lower <= 0).all() and (qp.upper >= 0).all() and (qp.h >= 0).all():

@@ -2,15 +2,24 @@
 
 A task of one's own is a frozen dataclass with an error and a Jacobian:
 
-    @dataclass(frozen=True, kw_only=True)
-    class HeightTask(mq.Task):
-        height: float
+```python
+from dataclasses import dataclass
 
-        def error(self, at):
-            return np.array([self.height - at.placement().translation[2]])
+import numpy as np
 
-        def jacobian(self, at):
-            return at.jacobian()[2:3]
+import maira_qp as mq
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeightTask(mq.Task):
+    height: float
+
+    def error(self, at):
+        return np.array([self.height - at.placement().translation[2]])
+
+    def jacobian(self, at):
+        return at.jacobian()[2:3]
+```
 
 The error falls by `jacobian @ dq`: the Jacobian is minus the error's derivative, or, where that is easier to write, any
 matrix J with the same `J^T W^2 e`, so that the gradient of the cost is exact. The rest has defaults: unit weights,

@@ -162,7 +162,8 @@ class DHTable:
 
     @staticmethod
     def from_file(path: str | Path) -> DHTable:
-        """A table from a TOML or YAML file: `name`, `convention`, and a list `links` of mappings of `DHLink`'s fields.
+        """Read a table from the file `path`, TOML or YAML: `name`, `convention`, and a list `links` of mappings of
+        `DHLink`'s fields.
 
         Numbers in YAML are those of version 1.2, so that 1e-3 is one. Raises `RobotError` if the file is not such a
         table, or cannot be read.
@@ -226,7 +227,7 @@ class DHTable:
         return A
 
     def compute_htms(self, q: np.ndarray) -> np.ndarray:
-        """Transforms (N + 1, 4, 4) from the base to the end of each link; the first is the identity."""
+        """Transforms (N + 1, 4, 4) at `q` (n,) from the base to the end of each link; the first is the identity."""
         htms = np.empty((len(self.links) + 1, 4, 4))
         htms[0] = np.eye(4)
         for i, A in enumerate(self.link_transforms(q)):
@@ -238,14 +239,14 @@ class DHTable:
         return self.compute_htms(q)[-1]
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """Geometric Jacobian (6, n) in base axes: linear rows [m/rad or m/m] over angular rows [rad/rad or 0].
+        """Geometric Jacobian (6, n) at `q` in base axes: linear rows [m/rad or m/m] over angular rows [rad/rad or 0].
 
         Column i is [z x (p - p_i); z] for a revolute joint and [z; 0] for a prismatic one (Siciliano, section 3.1.3).
         """
         return self.jacobian_of(self.compute_htms(q))
 
     def jacobian_of(self, htms: np.ndarray) -> np.ndarray:
-        """The Jacobian (6, n) of `jacobian`, from the transforms (N + 1, 4, 4) that `compute_htms` gave."""
+        """The Jacobian (6, n) of `jacobian`, from the transforms `htms` (N + 1, 4, 4) of `compute_htms`."""
         z = htms[self.axis_frames, :3, 2]
         arm = htms[-1, :3, 3] - htms[self.axis_frames, :3, 3]
         prismatic = self._columns["prismatic"][:, None]
@@ -254,7 +255,7 @@ class DHTable:
         return np.hstack([linear, angular]).T
 
     def finite_difference_jacobian(self, q: np.ndarray, step: float = 1e-6) -> np.ndarray:
-        """The same Jacobian (6, n) by central differences of `forward`; error about step^2 + 1e-16/step."""
+        """The same Jacobian (6, n) at `q` by central differences of `forward`; error about step^2 + 1e-16/step."""
         q = real_array(q, (self.n,), "q", ConfigurationError)
         if not (is_number(step) and 0 < step < 1):
             raise ConfigurationError(f"the finite-difference step must be between 0 and 1, got {shown(step)}")

@@ -356,21 +356,24 @@ class Robot(Shown):
         return J.swapaxes(1, 2)
 
     def condition_number(self, q: Any, frame: str | None = None) -> float:
-        """Largest over smallest singular value of the Jacobian at q (n,); inf where it is singular to rounding.
+        """Largest over smallest singular value of a frame's Jacobian at q (n,); inf where it is singular to rounding.
 
         Raises `ConfigurationError`, `FrameError`.
         """
         return float(condition_numbers(self.jacobian(q, frame)))
 
     def manipulability(self, q: Any, frame: str | None = None) -> float:
-        """Product of the min(6, n) singular values of the Jacobian at q (n,): sqrt(det(J J^T)) where n >= 6.
+        """Product of the min(6, n) singular values of a frame's Jacobian at q (n,): sqrt(det(J J^T)) where n >= 6.
 
         Source: Yoshikawa, "Manipulability of robotic mechanisms", 1985. Raises `ConfigurationError`, `FrameError`.
         """
         return float(np.prod(np.linalg.svd(self.jacobian(q, frame), compute_uv=False)))
 
     def random_configuration(self, rng: np.random.Generator) -> np.ndarray:
-        """A configuration (n,) uniform within the limits, a continuous joint in [-pi, pi]. Raises `OptionError`."""
+        """Draw a configuration (n,) from the generator `rng`: uniform within the limits, continuous joints in [-pi, pi].
+
+        Raises `OptionError`.
+        """
         if not isinstance(rng, np.random.Generator):
             raise OptionError(f"rng must be a numpy.random.Generator, such as default_rng(0), got {shown(rng)}")
         return drawn(rng, *self.drawn_range)
