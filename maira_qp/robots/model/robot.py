@@ -370,7 +370,7 @@ class Robot(Shown):
         return float(np.prod(np.linalg.svd(self.jacobian(q, frame), compute_uv=False)))
 
     def random_configuration(self, rng: np.random.Generator) -> np.ndarray:
-        """Draw a configuration (n,) from the generator `rng`: uniform within the limits, continuous joints in [-pi, pi].
+        """Draw a configuration (n,) with the generator `rng`: uniform within the limits or in a turn.
 
         Raises `OptionError`.
         """
