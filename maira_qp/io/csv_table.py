@@ -1,7 +1,8 @@
-"""Comma-separated values: a header, a pose a line.
+"""Comma-separated values: a header, then one pose per line.
 
-The file stays in memory as it is: an answer is written behind the line that asked for it, so that every further column
-comes back to the letter.
+Columns may be separated by semicolons or tabs instead, with decimals written with a comma, and the text may be UTF-8 or
+UTF-16: what spreadsheets write in other countries. The file stays in memory as it is: an answer is written behind the
+line that asked for it, in the same manner, so that every further column comes back unchanged.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ from maira_qp.regular_files import LARGEST_TABLE, read_regular
 CHUNK = 2_000
 """So many rows are taken apart into cells at a time; more at a time are slower, and take memory."""
 LINE_END = b"\n"
-SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks"}
-POINT = "decimals are written with a point, columns are separated by commas"
+SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
+OTHERS = {"|": "bars", " ": "blanks"}
+"""What some people separate columns by, and is not taken."""
 
 
 class CsvTable(Table):
@@ -35,7 +37,11 @@ class CsvTable(Table):
     def __init__(self, path: Path, choose: Choose) -> None:
         """Reads a file. Raises `PoseError`, naming the line, for what is not a table or not a number."""
         self.path = path
-        self._content = read_regular(path, "the table", PoseError, LARGEST_TABLE)
+        self._content = self._in_utf8(read_regular(path, "the table", PoseError, LARGEST_TABLE))
+        self.separator = self._separator()
+        """Of columns: a comma, a semicolon or a tab."""
+        self.decimal = "."
+        """What decimals are written with: a point or a comma."""
         records = self._records()
         begin, end, cells = next(records, (0, 0, []))
         self.header = self._raw(begin, end)
@@ -63,7 +69,8 @@ class CsvTable(Table):
         text = [(i, columns[name]) for i, name in enumerate(self.names) if name not in self._numeric]
         begin, end, _ = rows.indices(len(self))
         for first in range(begin, end, CHUNK):
-            chunk = csv.reader(self.records(slice(first, min(first + CHUNK, end))), skipinitialspace=True)
+            rows_of_chunk = self.records(slice(first, min(first + CHUNK, end)))
+            chunk = csv.reader(rows_of_chunk, delimiter=self.separator, skipinitialspace=True)
             cells = list(zip(*chunk, strict=True))
             for i, column in text:
                 column.extend(cells[i])
@@ -79,6 +86,23 @@ class CsvTable(Table):
     def _line(self, begin: int) -> str:
         return f"{self.path}, line {self._content.count(LINE_END, 0, begin) + 1}"
 
+    def _in_utf8(self, content: bytes) -> bytes:
+        """The text in UTF-8. Raises `PoseError` for text in UTF-16 that is broken off."""
+        if not content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            return content
+        try:
+            return content.decode("utf-16").encode()
+        except UnicodeDecodeError as reason:
+            raise PoseError(f"{self.path} is not text in UTF-16: {reason}") from None
+
+    def _separator(self) -> str:
+        """What separates the names of columns: the sign that is there most often, outside quotes."""
+        for line in io.BytesIO(self._content):
+            unquoted = b"".join(line.split(b'"')[::2])
+            if unquoted.strip():
+                return max(SEPARATORS, key=lambda sign: unquoted.count(sign.encode()))
+        return ","
+
     def _records(self) -> Iterator[tuple[int, int, list[str]]]:
         """Begin and end in the bytes, and the cells, of each row that is not blank; the header is the first."""
         begin = end = len(codecs.BOM_UTF8) if self._content.startswith(codecs.BOM_UTF8) else 0
@@ -93,7 +117,7 @@ class CsvTable(Table):
                 yield text
 
         try:
-            for cells in csv.reader(lines(), skipinitialspace=True, strict=True):
+            for cells in csv.reader(lines(), delimiter=self.separator, skipinitialspace=True, strict=True):
                 if len(cells) > 1 or (cells and cells[0].strip()):
                     yield begin, end, cells
                 begin = end
@@ -107,9 +131,10 @@ class CsvTable(Table):
         if not names:
             raise PoseError(f"{self.path} is empty: a header that names the columns is needed")
         if len(names) == 1:
-            for separator, word in SEPARATORS.items():
+            for separator, word in OTHERS.items():
                 if separator in names[0]:
-                    raise PoseError(f"{self.path} is separated by {word}; {POINT}")
+                    known = f"{', '.join([*SEPARATORS.values()][:-1])} or {[*SEPARATORS.values()][-1]}"
+                    raise PoseError(f"{self.path} is separated by {word}; columns are separated by {known}")
         if all(_is_number(name) for name in names):
             raise PoseError(f"{self.path}: a header that names the columns is needed; the first line holds numbers")
         return names
@@ -119,12 +144,14 @@ class CsvTable(Table):
         width = len(self.names)
         for begin, _, cells in chunk:
             if len(cells) != width:
-                raise PoseError(f"{self._line(begin)} has {len(cells)} values for {width} columns ({POINT})")
+                raise PoseError(f"{self._line(begin)} has {len(cells)} values for {width} columns ({self._manner})")
         chosen = list(itertools.chain.from_iterable(map(itemgetter(*place), map(itemgetter(2), chunk))))
+        if self.separator != "," and any("," in cell for cell in chosen):
+            self.decimal = ","
         try:
+            values = list(map(float, map(self._with_point, chosen)))
             if "_" in "".join(chosen):
                 raise ValueError("Python's 1_000 is no number in a table")
-            values = list(map(float, chosen))
         except ValueError:
             values = [
                 self._number(cell, chunk[i // len(place)][0], self.names[place[i % len(place)]])
@@ -132,55 +159,68 @@ class CsvTable(Table):
             ]
         return np.array(values).reshape(len(chunk), len(place))
 
+    def _with_point(self, cell: str) -> str:
+        """A number as Python writes it."""
+        return cell if self.decimal == "." else cell.replace(",", ".")
+
+    @property
+    def _manner(self) -> str:
+        """How numbers and columns are written, for a message."""
+        if self.separator == ",":
+            return "decimals are written with a point, columns are separated by commas"
+        return f"columns are separated by {SEPARATORS[self.separator]}, thousands by nothing"
+
     def _number(self, cell: str, begin: int, column: str) -> float:
         if not cell.strip():
             return math.nan
-        if not _is_number(cell):
-            hint = POINT if "," in cell else "without a number, leave the cell empty"
+        if not _is_number(self._with_point(cell)):
+            hint = self._manner if "," in cell else "without a number, leave the cell empty"
             raise PoseError(f"{self._line(begin)}, column {column!r}: {cell!r:.40} is not a number ({hint})")
-        return float(cell)
+        return float(self._with_point(cell))
 
 
 def write_csv(file: BinaryIO, table: Table, answers: Mapping[str, np.ndarray]) -> None:
     """The rows of a table, each with its answer behind it. Raises `OSError`."""
+    separator, decimal = (table.separator, table.decimal) if isinstance(table, CsvTable) else (",", ".")
     header = table.header if isinstance(table, CsvTable) else ",".join(map(_quoted, table.names))
-    file.write(",".join([header, *map(_quoted, answers)]).encode() + b"\n")
+    file.write(separator.join([header, *(_quoted(name, separator) for name in answers)]).encode() + b"\n")
     for begin in range(0, len(table), CHUNK):
         rows = slice(begin, begin + CHUNK)
         if isinstance(table, CsvTable):
             asked = [table.records(rows)]
         else:
             asked = [_texts(column) for column in table.columns(rows).values()]
-        answered = [_texts(column[rows]) for column in answers.values()]
-        lines = map(",".join, zip(*asked, *answered, strict=True))
+        answered = [_texts(column[rows], separator, decimal) for column in answers.values()]
+        lines = map(separator.join, zip(*asked, *answered, strict=True))
         file.write("".join(f"{line}\n" for line in lines).encode())
 
 
-def _texts(column: Any) -> Iterable[str]:
+def _texts(column: Any, separator: str = ",", decimal: str = ".") -> Iterable[str]:
     """Cells: numbers so that they read back exactly, true and false, text in quotes where it needs them."""
+    number = repr if decimal == "." else lambda value: repr(value).replace(".", decimal)
     if isinstance(column, np.ma.MaskedArray):  # an empty cell where it is masked
         masked = np.ma.getmaskarray(column).tolist()
-        return ["" if gone else repr(value) for value, gone in zip(column.data.tolist(), masked, strict=True)]
+        return ["" if gone else number(value) for value, gone in zip(column.data.tolist(), masked, strict=True)]
     if isinstance(column, np.ndarray):
         if column.dtype.kind in "iuf":
-            return map(repr, column.tolist())
+            return map(number, column.tolist())
         column = column.tolist()
     if all(isinstance(value, str) for value in column):
-        quoted = {text: _quoted(text) for text in set(column)}
+        quoted = {text: _quoted(text, separator) for text in set(column)}
         return map(quoted.__getitem__, column)
-    return map(_cell, column)
+    return (_cell(value, separator) for value in column)
 
 
-def _cell(value: Any) -> str:
+def _cell(value: Any, separator: str) -> str:
     if value is None:
         return ""
     if isinstance(value, bool):
         return "true" if value else "false"
-    return _quoted(value if isinstance(value, str) else str(value))
+    return _quoted(value if isinstance(value, str) else str(value), separator)
 
 
-def _quoted(text: str) -> str:
-    needed = any(sign in text for sign in ',"\r\n') or text != text.strip()
+def _quoted(text: str, separator: str = ",") -> str:
+    needed = any(sign in text for sign in (separator, *'"\r\n')) or text != text.strip()
     return '"' + text.replace('"', '""') + '"' if needed else text
 
 

@@ -1,5 +1,6 @@
 """Poses from files and answers into files: `maira-qp solve --batch`, its formats, its errors, what a crash leaves."""
 
+import codecs
 import csv
 import importlib.util
 import json
@@ -422,6 +423,33 @@ def test_rounded_rotations_are_taken_on_purpose(run, tmp_path, maira, asked, mon
     np.testing.assert_allclose(maira.forward(q[6]).homogeneous, wanted, atol=3e-6)
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be with a mark"])
+@pytest.mark.parametrize(("separator", "decimal"), [(";", "."), (";", ","), ("\t", "."), ("\t", ",")])
+def test_tables_as_spreadsheets_write_them(run, tmp_path, separator, decimal, encoding):
+    """Separators, decimals and encodings of other countries: the same answers, written in the same manner."""
+    rows = [[0.4, 0.2, 0.9, 0, 1, 0, 0], [-0.35, 0.25, 0.8125, 1, 0, 0, 0]]
+    lines = [HEADER.strip() + ",note", *(",".join(map(str, row)) + f',"é{separator}{i}"' for i, row in enumerate(rows))]
+    plain, other = tmp_path / "plain.csv", tmp_path / "other.csv"
+    plain.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    cells = [[str(value).replace(".", decimal) for value in row] for row in rows]
+    text = [separator.join([*HEADER.strip().split(","), "note"])]
+    text += [separator.join([*row, f'"é{separator}{i}"']) for i, row in enumerate(cells)]
+    content = "\r\n".join(text) + "\r\n"
+    marked = codecs.BOM_UTF16_BE + content.encode("utf-16-be")
+    other.write_bytes(marked if encoding.startswith("utf-16-be") else content.encode(encoding))
+    assert run(plain)[0] == run(other)[0] == 0
+    expected = read(tmp_path / "plain.solved.csv")
+    with open(tmp_path / "other.solved.csv", newline="", encoding="utf-8") as file:
+        header, *found = csv.reader(file, delimiter=separator)
+    assert header == list(expected)
+    for name, cells in zip(header, zip(*found, strict=True), strict=True):
+        if name == "note":
+            assert cells == (f"é{separator}0", f"é{separator}1")
+        elif expected[name].dtype.kind == "f" and any(cells):
+            assert decimal == "." or not any("." in cell for cell in cells)
+            assert [float(cell.replace(decimal, ".")) for cell in cells] == expected[name].tolist()
+
+
 def test_extreme_numbers_of_a_projected_row(run, tmp_path):
     """With --project the size of a quaternion or matrix does not matter, and a hopeless one is named."""
     path = tmp_path / "poses.csv"
@@ -445,8 +473,7 @@ def test_extreme_numbers_of_a_projected_row(run, tmp_path):
         ("", ["empty", "header"]),
         ("\n  \n", ["empty", "header"]),
         (ROW + ROW, ["header", "first line holds numbers"]),
-        ((HEADER + ROW).replace(",", ";"), ["separated by semicolons", "commas"]),
-        ((HEADER + ROW).replace(",", "\t"), ["separated by tabs"]),
+        ((HEADER + ROW).replace(",", "|"), ["separated by bars", "commas, semicolons or tabs"]),
         ((HEADER + ROW).replace(",", " "), ["separated by blanks"]),
         ("x,y,z,qw,qx,qy,qz,x\n", ["more than one column is named 'x'"]),
         ("x,y,z,qw,qx,qy,q_z\n" + ROW, ["'qz'", "did you mean", "'q_z'", "roll, pitch, yaw"]),
@@ -474,7 +501,8 @@ def test_extreme_numbers_of_a_projected_row(run, tmp_path):
         (HEADER.strip() + ',label\n"two\nlines"\n', ["line 2", "1 values for 8"]),
         (HEADER.strip() + f',label\n{ROW.strip()},"open\n{ROW}', ["line 2", "end of data"]),
         ((HEADER.strip() + f",label\n{ROW.strip()},é\n").encode("latin-1"), ["line 2", "UTF-8"]),
-        ((HEADER + ROW).encode("utf-16"), ["line 1", "UTF-8"]),
+        ((HEADER + ROW).encode("utf-16")[:-1], ["UTF-16"]),
+        ((HEADER + ROW).replace(",", ";") + "1.000,4;0.2;0.9;0;1;0;0\n", ["line 3", "'x'", "thousands"]),
     ],
 )
 def test_what_is_wrong_in_a_csv_is_told(run, tmp_path, text, words):
