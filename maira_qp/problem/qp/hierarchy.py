@@ -1,7 +1,7 @@
 """A strict hierarchy of quadratic levels under common limits.
 
-Level 1 solves its box QP. Level k then moves only where the levels above it do not feel it: with Z an orthonormal basis
-of the null space of all rows above, it minimises its own cost over
+Level 1 solves its box QP. Level k then moves only where it does not change the levels above: with Z an orthonormal
+basis of the null space of all rows above, it minimises its own cost over
 
     { dq + Z z  :  lower <= dq + Z z <= upper,  G (dq + Z z) <= h }
 

@@ -4,7 +4,7 @@ At a stationary point the gradient of what was minimised is held up by limits al
 multiplier, is what the cost would fall by, per rad or m, if the limit gave way (Nocedal and Wright, "Numerical
 Optimization", 2006, section 12.8). That is the first order, so the limits are then released in earnest, and the target
 solved again: from where the solve had ended, and then from as many starts as any solve. That a target is not reached
-without its limits is called a fact only where it is proved; else it is told how many starts did not.
+without its limits is called a fact only where it is proved; else the number of starts that failed is given.
 """
 
 from __future__ import annotations

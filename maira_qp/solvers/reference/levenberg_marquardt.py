@@ -1,4 +1,4 @@
-"""Damped Gauss-Newton descent of a cost within limits, a QP an iteration: the inner loop of every solve.
+"""Damped Gauss-Newton descent of a cost within limits, one QP per iteration: the inner loop of every solve.
 
     q <- clip(q + dq),   dq = argmin  c^T dq + 1/2 dq^T (H + mu I) dq   subject to   lower - q <= dq <= upper - q
 

@@ -1,4 +1,4 @@
-"""Settle the redundancy once the pose is reached.
+"""Optimise the redundancy once the pose is reached.
 
 *Strict*: walk along the self-motion manifold. Each step is the hierarchy's: level 1 holds the pose, level 2 (3, ...)
 moves in its null space by a Newton step of the objective, inside the limits and a trust region. The Hessian of level 2
