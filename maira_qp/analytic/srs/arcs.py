@@ -10,7 +10,7 @@ only where
 
 each of the form alpha cos psi + beta sin psi + gamma = 0 with at most two roots. The roots for both limits of each
 joint, and those where the two branches of a spherical joint meet (a . R c at its ends k_0 +- rho), cut the circle into
-cells in which no joint enters or leaves its limits; one point inside decides for a cell. So that a tangency is not lost to
+cells in which no joint enters or leaves its limits; one point inside decides. So that a tangency is not lost to
 rounding, an equation without roots gives the point where it comes nearest: a cut too many is harmless.
 
 Angles are known up to whole turns. A joint whose range is a turn or more is looked at from its lower limit on, its
