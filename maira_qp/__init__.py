@@ -14,6 +14,9 @@ from maira_qp.io.save import save
 from maira_qp.orientation import pose_error
 from maira_qp.problem.limits.collision import CollisionLimit
 from maira_qp.problem.limits.joint import Limit, LinearLimit, Tick
+from maira_qp.problem.limits.orientation import ConeLimit, PoseRange
+from maira_qp.problem.limits.regions import BoxLimit, DistanceLimit, HalfSpaceLimit
+from maira_qp.problem.limits.tool_speed import ToolSpeedLimit
 from maira_qp.problem.objectives import LimitDistance, Manipulability, ObstacleDistance, Posture
 from maira_qp.problem.options import Options
 from maira_qp.problem.pose import pose
@@ -51,14 +54,18 @@ __all__ = [
     "Backend",
     "BatchSolution",
     "Box",
+    "BoxLimit",
     "Capsule",
     "Clutch",
     "CollisionLimit",
     "Command",
+    "ConeLimit",
     "Cylinder",
     "DHLink",
     "DHTable",
     "DampingTask",
+    "DistanceLimit",
+    "HalfSpaceLimit",
     "JointCouplingTask",
     "Limit",
     "LimitDistance",
@@ -75,6 +82,7 @@ __all__ = [
     "PathFailure",
     "PathProof",
     "PathSolution",
+    "PoseRange",
     "PoseTask",
     "PositionTask",
     "Posture",
@@ -91,6 +99,7 @@ __all__ = [
     "SwivelTask",
     "Task",
     "Tick",
+    "ToolSpeedLimit",
     "Tracker",
     "TrackerState",
     "Trajectory",

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.arrays import is_listing, real_array
-from maira_qp.errors import PoseError, shown
+from maira_qp.errors import OptionError, PoseError, shown
 from maira_qp.orientation import (
     ORTHONORMAL_WITHIN,
     ROUNDED_WITHIN,
@@ -120,3 +120,13 @@ def _unit_quaternion(value: Any, project: bool) -> np.ndarray:
     _tell(deviation, "the quaternion's norm is off 1 by %.2g: its unit quaternion is taken")
     q = q / largest
     return q / np.linalg.norm(q)
+
+
+def unit_vector(value: Any, name: str) -> np.ndarray:
+    """A direction (3,) of length 1. Raises `OptionError`."""
+    v = real_array(value, (3,), name, OptionError)
+    largest = np.abs(v).max()
+    if largest == 0:
+        raise OptionError(f"{name} has no direction: it is zero")
+    v = v / largest
+    return v / np.linalg.norm(v)

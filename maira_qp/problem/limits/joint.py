@@ -66,6 +66,10 @@ class Bounds:
         """Which joints (n,) stand on a limit, or beyond it."""
         return (self.lower >= 0) | (self.upper <= 0)
 
+    def with_rows(self, G: np.ndarray, h: np.ndarray) -> Bounds:
+        """The same, and `G dq <= h`, (k, n) and (k,), as far as its `rest` keeps them."""
+        return replace(self, G=np.vstack([self.G, G]), h=np.concatenate([self.h, np.maximum(h, G @ self.rest)]))
+
     def contain(self, dq: np.ndarray) -> bool:
         """Whether dq (n,) is within the bounds, to rounding."""
         inside = (dq >= self.lower - FEASIBILITY).all() and (dq <= self.upper + FEASIBILITY).all()
@@ -90,6 +94,8 @@ class Bounds:
 class Limit:
     """One kind of limit. A limit of one's own overrides what it needs of these."""
 
+    name: str | None = None
+    """What messages, `broken_limits` and calls call it; None: its class."""
     is_linear: ClassVar[bool] = False
     """Whether the rows hold for every displacement, so that one that keeps them keeps the limit; False: to first order
     only, as is safe for any limit."""
@@ -104,6 +110,18 @@ class Limit:
 
     def rows(self, at: Configuration, tick: Tick | None) -> tuple[np.ndarray, np.ndarray] | None:
         """G (m, n) and h (m,) of `G dq <= h`, h negative where the configuration breaks the limit; or None."""
+        return None
+
+    def pace(self, at: Configuration, dq: np.ndarray, tick: Tick) -> float:
+        """How fast a displacement dq (n,) of a tick is, as a share of what the limit allows; >= 0.
+
+        Of limits on speeds that are neither boxes nor rows.
+        """
+        return 0.0
+
+    def tangents(self, at: Configuration, dq: np.ndarray, tick: Tick) -> tuple[np.ndarray, np.ndarray] | None:
+        """G (k, n) and h (k,) of rows that a displacement dq (n,) with a pace above 1 breaks, and that no displacement
+        breaks which the limit allows."""
         return None
 
     def violation(self, at: Configuration) -> float:

@@ -18,6 +18,7 @@ import pinocchio as pin
 from maira_qp.arrays import real_array
 from maira_qp.errors import OptionError
 from maira_qp.orientation import skew
+from maira_qp.problem.pose import unit_vector
 from maira_qp.problem.tasks.frame import TargetTask
 from maira_qp.problem.tasks.task import checked_weights
 from maira_qp.robots.model.configuration import Configuration
@@ -134,13 +135,3 @@ def rotation_between(a: np.ndarray, d: np.ndarray) -> np.ndarray:
         across = skew(a)[:, np.abs(a).argmin()]
         return math.pi * across / np.linalg.norm(across)
     return across * (math.atan2(sine, along) / sine) if sine > 0 else np.zeros(3)
-
-
-def unit_vector(value: Any, name: str) -> np.ndarray:
-    """A direction (3,) of length 1. Raises `OptionError`."""
-    v = real_array(value, (3,), name, OptionError)
-    largest = np.abs(v).max()
-    if largest == 0:
-        raise OptionError(f"{name} has no direction: it is zero")
-    v = v / largest
-    return v / np.linalg.norm(v)

@@ -16,7 +16,7 @@ import numpy as np
 from maira_qp.arrays import real_array
 from maira_qp.errors import OptionError
 from maira_qp.orientation import skew
-from maira_qp.problem.tasks.axis import unit_vector
+from maira_qp.problem.pose import unit_vector
 from maira_qp.problem.tasks.task import Task, checked_weights
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.robot import Robot

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import nnls
+from scipy.optimize import brentq, nnls
 
 from maira_qp.errors import OptionError
 from maira_qp.problem.limits.joint import (
@@ -40,6 +40,9 @@ NEAR = 1e-3
 
 FAINT = 1e-6
 """Least damping of a restoring step, as a share of the largest entry of `G^T G`."""
+
+PACED = 1e-13
+"""To which a share of a motion is found that a limit on speed allows."""
 
 IMPROVING = 0.999
 """A restoration goes on while a step leaves less than this share of the sum of squares."""
@@ -110,6 +113,38 @@ class Context:
             for limit in self.further
             if not limit.is_linear
             and (type(limit).rows is not Limit.rows or type(limit).violation is not Limit.violation)
+        )
+
+    @cached_property
+    def _paced(self) -> tuple[Limit, ...]:
+        """Limits on speeds that are neither boxes nor rows."""
+        return tuple(limit for limit in self.further if type(limit).pace is not Limit.pace)
+
+    @property
+    def is_paced(self) -> bool:
+        """There are such limits."""
+        return bool(self._paced)
+
+    def pace(self, at: Configuration, dq: np.ndarray, now: Tick) -> float:
+        """How fast a displacement dq (n,) of a tick is, as a share of what such limits allow."""
+        return max((limit.pace(at, dq, now) for limit in self._paced), default=0.0)
+
+    def share_in_pace(self, at: Configuration, dq: np.ndarray, part: np.ndarray, most: float, now: Tick) -> float:
+        """The share in [0, 1] of a part (n,) that may be added to a displacement dq (n,) with a pace up to `most`."""
+        if not self._paced or self.pace(at, dq + part, now) <= most:
+            return 1.0
+        too_fast = lambda share: self.pace(at, dq + share * part, now) - most  # noqa: E731
+        if too_fast(0.0) >= 0.0:
+            return 0.0
+        return max(0.0, float(brentq(too_fast, 0.0, 1.0, xtol=PACED)) - 2 * PACED)  # type: ignore[arg-type]
+
+    def tangents(self, at: Configuration, dq: np.ndarray, now: Tick) -> tuple[np.ndarray, np.ndarray]:
+        """G (k, n) and h (k,) of rows that a displacement dq (n,) of a tick breaks where its pace is above 1."""
+        rows = [limit.tangents(at, dq, now) for limit in self._paced if limit.pace(at, dq, now) > 1.0]
+        found = [row for row in rows if row is not None]
+        return (
+            np.vstack([np.empty((0, at.n)), *(G for G, _ in found)]),
+            np.concatenate([np.empty(0), *(h for _, h in found)]),
         )
 
     def rows(self, at: Configuration) -> tuple[np.ndarray, np.ndarray]:

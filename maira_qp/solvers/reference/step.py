@@ -62,6 +62,9 @@ from maira_qp.solvers.reference.step_models import (
 
 HALVINGS = 12
 
+CUTS = 6
+"""Times that displacements which are too fast for a limit on the tool's speed are cut off, and found again."""
+
 ARMIJO = 0.05
 """Share of what the model's slope promises that the merit must fall."""
 
@@ -154,7 +157,7 @@ def tick(
     levels = [model.level for model in models]
     if np.isfinite(robot.acceleration_limit).any():
         levels, bounds = _slowed(models, at, context, now, bounds)
-    displacements = solve_each_level(levels, bounds, context.backend, end)
+    displacements, bounds = _in_pace(levels, bounds, at, context, now, end)
     dq = np.clip(_safe(models, at, displacements, context, bounds, now), bounds.lower, bounds.upper)
     q, velocity = _moved(at, dq, robot, now.dt)
     wanted = displacements[-1] if displacements else np.full(at.n, np.inf)
@@ -162,6 +165,20 @@ def tick(
     tasks = [task for model in models for task in model.tasks]
     status = _status(tasks, robot.at(q), velocity, wanted / now.dt, gradient, context)
     return q, velocity, status
+
+
+def _in_pace(
+    levels: Sequence[Level], bounds: Bounds, at: Configuration, context: Context, now: Tick, end: float | None
+) -> tuple[list[np.ndarray], Bounds]:
+    """The displacements (n,) of the levels, and the bounds with the planes that cut off what is too fast of them."""
+    displacements = solve_each_level(levels, bounds, context.backend, end)
+    for _ in range(CUTS):
+        planes = [context.tangents(at, dq, now) for dq in displacements] if context.is_paced else []
+        if not any(len(h) for _, h in planes):
+            break
+        bounds = bounds.with_rows(np.vstack([G for G, _ in planes]), np.concatenate([h for _, h in planes]))
+        displacements = solve_each_level(levels, bounds, context.backend, end)
+    return displacements, bounds
 
 
 def brake(at: Configuration, context: Context, now: Tick) -> tuple[np.ndarray, np.ndarray]:
@@ -222,6 +239,8 @@ def keeps_further_limits(
     now = Tick(dt, np.zeros_like(q) if velocity is None else velocity)
     for limit in context.further:
         box, rows = limit.box(at, now), limit.rows(at, now)
+        if limit.pace(at, dq, now) > 1.0:
+            return False
         if box is not None and not ((box[0] <= dq).all() and (dq <= box[1]).all()):
             return False
         if rows is not None and (is_near(rows, step).any() or not (rows[0] @ dq <= rows[1]).all()):
@@ -362,9 +381,12 @@ def _safe(
     broken, most_loss = None, math.inf if now is None else 1.0
     if context.is_bent and now is not None:
         broken = np.maximum(context.violations(at), min(_violations_ahead(there, dq, context, now), key=np.sum))
+    fastest = 0.0 if now is None else max(1.0, context.pace(at, dq, now))
     for k, displacement in enumerate(displacements):
         model, above, part = models[k], models[:k], displacement - solved
         before, errors, share = model.value(there), _errors(above, there), 1.0
+        if now is not None:
+            share = context.share_in_pace(at, dq, part, fastest, now)
         most = before + ROUNDING * (1 + abs(before))
         slope = ARMIJO * min(float((model.level.c + model.level.H @ solved) @ part), 0.0)
         solved = displacement
@@ -372,7 +394,7 @@ def _safe(
             step, shrink = dq + share * part, 0.5
             if broken is not None and now is not None:
                 step = _brought_back(at, step, broken, context, bounds, now)
-            if step is not None and bounds.contain(step):
+            if step is not None and bounds.contain(step) and (now is None or context.pace(at, step, now) <= fastest):
                 trial = at.moved(step)
                 loss = float((_shares(above, trial, context.options) - kept).max(initial=0.0))
                 merit = model.value(trial)

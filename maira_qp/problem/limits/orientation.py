@@ -1,0 +1,169 @@
+"""Ranges of a frame's pose about a target, and a cone about the direction of one of its axes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from maira_qp.arrays import is_listing, is_number
+from maira_qp.errors import OptionError, listed, shown
+from maira_qp.problem.limits.placement import Ranges, TargetLimit
+from maira_qp.problem.limits.turning import angle, tilt, turn_about_z
+from maira_qp.problem.pose import as_pose, unit_vector
+
+AXES = "xyz"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PoseRange(TargetLimit):
+    """The pose of a frame stays within ranges about a target: a tolerance for each axis, one-sided ones too.
+
+    Both ranges are given as a half-width, three half-widths, or (lower, upper) of three each; an infinite end is
+    none, None leaves all three free. The deviation of the pose from the target is measured in the target's axes:
+
+    - position: `R_d^T (p - p_d)` [m];
+    - orientation [rad]: the frame's turn `about` one axis of the target, and the tilts of that axis about the other
+      two, in the places of their axes. So `orientation=[0.1, 0.1, np.pi / 6]` is a yaw within 30 degrees of the
+      target's whatever the tilt, and a tilt of up to 0.1 rad about x and about y: the rotation from the target is the
+      turn about z followed by the tilt, whose rotation vector the first two are. Of small rotations, and of those about
+      one axis, the three are the rotation vector.
+
+    A range of no width, such as a roll of 0, is kept within 1e-6: as exact as a pose that counts as reached. A turn
+    counts as the one nearest to the middle of its range, and one-sided ones end at half a turn.
+    """
+
+    position: Any = None
+    """[m]"""
+    orientation: Any = None
+    """[rad]"""
+    axes: str = "target"
+    """Whose axes the deviation is measured in: "target" or "base", about the target in both cases."""
+    about: str = "z"
+    """Which of the three axes the turn is about: "x", "y" or "z"."""
+    _places: Any = None
+    _turns: Any = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, valid in (("axes", ("target", "base")), ("about", tuple(AXES))):
+            value = getattr(self, name)
+            if not isinstance(value, str) or value not in valid:
+                raise OptionError(f"{name} of a PoseRange; {listed(valid, value)}")
+        object.__setattr__(self, "_places", Ranges.build(self.position, "position of a PoseRange"))
+        turns = Ranges.build(self.orientation, "orientation of a PoseRange").ends
+        k = AXES.index(self.about)
+        if turns[1, k] - turns[0, k] >= math.tau:
+            turns[:, k] = -math.inf, math.inf
+        elif np.isfinite(turns[:, k]).any():
+            turns[:, k] = np.where(np.isfinite(turns[:, k]), turns[:, k], [-math.pi, math.pi])
+        object.__setattr__(self, "_turns", Ranges(turns))
+        if not (self._places.bounded.any() or self._turns.bounded.any()):
+            raise OptionError("a PoseRange needs a range of the position or of the orientation, such as position=0.01")
+
+    def with_value(self, value: Any) -> PoseRange:
+        """With another target. Raises `PoseError`."""
+        return self._with(target=as_pose(value, "target of a PoseRange"))
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """A row for each finite end."""
+        return (*self._places.labels(AXES), *self._turns.labels([f"about {axis}" for axis in AXES]))
+
+    def room(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
+        """The distance from each finite end (m,) [m, then rad]."""
+        E = self._axes
+        D = np.zeros((3, 6))
+        D[:, :3] = E.T
+        h, rows = self._places.room(E.T @ (T.translation - self.target.translation), D)
+        if not self._turns.bounded.any():
+            return h, rows
+        x, first, _ = self._turned(T)
+        D = np.hstack([np.zeros((3, 3)), first])
+        more, below = self._turns.room(x, D)
+        return np.concatenate([h, more]), np.concatenate([rows, below])
+
+    def bend(self, T: pin.SE3, y: np.ndarray) -> np.ndarray:
+        """Of the orientation's rows alone (6, 6)."""
+        S, count = np.zeros((6, 6)), int(self._places.bounded.sum())
+        if y[count:].any():
+            S[3:, 3:] = np.tensordot(self._turns.pull(y[count:]), self._turned(T)[2], 1)
+        return S
+
+    @property
+    def _axes(self) -> np.ndarray:
+        """The axes (3, 3) of the deviation, in columns, in the base."""
+        return self.target.rotation if self.axes == "target" else np.eye(3)
+
+    def _turned(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The tilts and the turn (3,) in the order of the axes, and their derivatives (3, 3) and (3, 3, 3)."""
+        k = AXES.index(self.about)
+        order = [(k + 1) % 3, (k + 2) % 3, k]
+        E = self._axes[:, order]  # the turn is about the last of these
+        Q = E.T @ T.rotation @ self.target.rotation.T @ E
+        x, first, second = np.empty(3), np.empty((3, 3)), np.empty((3, 3, 3))
+        x[order[:2]], first[order[:2]], second[order[:2]] = tilt(Q[:, 2])
+        x[k], first[k], second[k] = turn_about_z(Q)
+        if self._turns.bounded[0, k]:
+            middle = float(self._turns.ends[:, k].mean())
+            x[k] = middle + math.remainder(x[k] - middle, math.tau)
+        return x, first @ E.T, E @ second @ E.T
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ConeLimit(TargetLimit):
+    """An axis of a frame stays within an angle of a direction, as a cup that is carried upright."""
+
+    axis: Any = (0.0, 0.0, 1.0)
+    """The axis (3,) in the frame; any length but 0."""
+    direction: Any = None
+    """(3,) in the base; any length but 0; None: that of the `axis` in the target. In a call, a value by the limit's
+    name takes its place."""
+    angle: float = math.nan
+    """Half of the cone's opening [rad]; > 0, <= pi"""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "axis", unit_vector(self.axis, "axis of a ConeLimit"))
+        if self.direction is not None:
+            if self.target is not None:
+                raise OptionError("a ConeLimit has a direction or a target, not both")
+            object.__setattr__(self, "direction", unit_vector(self.direction, "direction of a ConeLimit"))
+        if not (is_number(self.angle) and 0 < self.angle <= math.pi):
+            raise OptionError(f"angle of a ConeLimit must be in (0, pi] [rad], got {shown(self.angle)}")
+
+    @property
+    def needs_target(self) -> bool:
+        """It has neither a direction nor a target."""
+        return self.direction is None and self.target is None
+
+    def with_value(self, value: Any) -> ConeLimit:
+        """With another direction (3,), or that of the axis in a pose. Raises `OptionError`, `PoseError`."""
+        if is_listing(value) and not any(map(is_listing, value)):
+            return self._with(direction=unit_vector(value, "direction of a ConeLimit"), target=None)
+        return self._with(direction=None, target=as_pose(value, "target of a ConeLimit"))
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """One row."""
+        return ("",)
+
+    def room(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
+        """What is left of the angle (1,)."""
+        theta, first, _ = self._angle(T)
+        D = np.zeros((1, 6))
+        D[0, 3:] = -first
+        return np.array([self.angle - theta]), D
+
+    def bend(self, T: pin.SE3, y: np.ndarray) -> np.ndarray:
+        """Of the angle (6, 6)."""
+        S = np.zeros((6, 6))
+        S[3:, 3:] = -y[0] * self._angle(T)[2]
+        return S
+
+    def _angle(self, T: pin.SE3) -> tuple[float, np.ndarray, np.ndarray]:
+        direction = self.target.rotation @ self.axis if self.direction is None else self.direction
+        return angle(T.rotation @ self.axis, direction)

@@ -1,0 +1,162 @@
+"""Regions that a point of the tool may not leave: a half-space, a box, a ball or what is outside of one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from maira_qp.arrays import is_number, real_array
+from maira_qp.errors import OptionError, shown
+from maira_qp.problem.limits.placement import EXACT, PlacementLimit, Ranges, TargetLimit, point_of
+from maira_qp.problem.pose import as_pose, unit_vector
+
+NEAR = 1e-9
+"""A point nearer than this [m] is in no direction."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HalfSpaceLimit(PlacementLimit):
+    """A point of the tool stays on one side of a plane: `normal . (p - point) >= 0`."""
+
+    normal: Any = (0.0, 0.0, 1.0)
+    """Direction (3,) in the base, out of the plane into the half that is allowed; any length but 0."""
+    point: Any = 0.0
+    """A point (3,) of the plane in the base [m]; or a number: the plane's distance from the base along the normal [m].
+    In a call, a value by the limit's name takes its place."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "normal", unit_vector(self.normal, "normal of a HalfSpaceLimit"))
+        object.__setattr__(self, "point", self._checked(self.point))
+
+    def _checked(self, point: Any) -> np.ndarray:
+        if is_number(point):
+            return float(real_array(point, (), "point of a HalfSpaceLimit", OptionError)) * self.normal
+        return real_array(point, (3,), "point of a HalfSpaceLimit", OptionError)
+
+    def with_value(self, value: Any) -> HalfSpaceLimit:
+        """With another `point`. Raises `OptionError`."""
+        return self._with(point=self._checked(value))
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """One row."""
+        return ("",)
+
+    def room(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
+        """The distance from the plane (1,)."""
+        D = np.zeros((1, 6))
+        D[0, :3] = self.normal
+        return np.array([self.normal @ (T.translation - self.point)]), D
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BoxLimit(PlacementLimit):
+    """A point of the tool stays in a box: `lower <= p <= upper` in the axes of a pose."""
+
+    lower: Any = None
+    """(3,) [m], -inf: open; None: open along all axes."""
+    upper: Any = None
+    """(3,) [m], inf: open; None: open along all axes."""
+    pose: Any = None
+    """Pose in the base, `pin.SE3` or (4, 4), from whose origin and along whose axes the ends count; None: the base.
+    In a call, a value by the limit's name takes its place."""
+    _ranges: Any = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        ends = [np.full(3, -math.inf) if self.lower is None else self.lower]
+        ends.append(np.full(3, math.inf) if self.upper is None else self.upper)
+        for name, end in zip(("lower", "upper"), ends, strict=True):
+            object.__setattr__(self, name, real_array(end, (3,), f"{name} of a BoxLimit", OptionError, finite=False))
+        object.__setattr__(self, "_ranges", Ranges.build((self.lower, self.upper), "a BoxLimit"))
+        pose = pin.SE3.Identity() if self.pose is None else self.pose
+        object.__setattr__(self, "pose", as_pose(pose, "pose of a BoxLimit"))
+
+    def with_value(self, value: Any) -> BoxLimit:
+        """With another `pose`. Raises `PoseError`."""
+        return self._with(pose=as_pose(value, "pose of a BoxLimit"))
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """A row for each finite end."""
+        return self._ranges.labels("xyz")
+
+    def room(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
+        """The distance from each finite end (m,)."""
+        D = np.zeros((3, 6))
+        D[:, :3] = self.pose.rotation.T
+        return self._ranges.room(D[:, :3] @ (T.translation - self.pose.translation), D)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DistanceLimit(TargetLimit):
+    """The distance of a point of the tool from another point stays within ends: `lower <= |p - point| <= upper`."""
+
+    point: Any = None
+    """(3,) in the base [m]; None: the origin of the target. In a call, a value by the limit's name takes its place."""
+    lower: float = 0.0
+    """[m]; >= 0"""
+    upper: float = math.inf
+    """[m]; > 0, >= lower"""
+    _ends: Any = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.point is not None:
+            if self.target is not None:
+                raise OptionError("a DistanceLimit has a point or a target, not both")
+            object.__setattr__(self, "point", point_of(self.point, "point of a DistanceLimit"))
+        if not (is_number(self.lower) and is_number(self.upper) and 0 <= self.lower <= self.upper and self.upper > 0):
+            raise OptionError(
+                f"a DistanceLimit needs 0 <= lower <= upper [m], got {shown(self.lower)} and {shown(self.upper)}"
+            )
+        if self.lower == math.inf:
+            raise OptionError("lower of a DistanceLimit must be finite")
+        middle = 0.5 * (self.lower + self.upper)
+        lower, upper = min(self.lower, middle - EXACT), max(self.upper, middle + EXACT)
+        object.__setattr__(self, "_ends", (lower if self.lower > 0 else 0.0, upper))
+
+    @property
+    def needs_target(self) -> bool:
+        """It has neither a point nor a target."""
+        return self.point is None and self.target is None
+
+    def with_value(self, value: Any) -> DistanceLimit:
+        """With another `point`: (3,), or the origin of a pose. Raises `OptionError`, `PoseError`."""
+        return self._with(point=point_of(value, "point of a DistanceLimit"), target=None)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """A row for each end that limits anything."""
+        return ("lower",) * (self._ends[0] > 0) + ("upper",) * (self._ends[1] < math.inf)
+
+    def room(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
+        """The distance from each end (m,)."""
+        distance, away = self._away(T)
+        signs, ends = self._signs, np.array([end for end in self._ends if 0 < end < math.inf])
+        D = np.zeros((len(signs), 6))
+        D[:, :3] = np.outer(signs, away)
+        return signs * (distance - ends), D
+
+    def bend(self, T: pin.SE3, y: np.ndarray) -> np.ndarray:
+        """`(I - u u^T) / distance`, for each row (6, 6)."""
+        distance, away = self._away(T)
+        S = np.zeros((6, 6))
+        S[:3, :3] = (self._signs @ y) / distance * (np.eye(3) - np.outer(away, away))
+        return S
+
+    @property
+    def _signs(self) -> np.ndarray:
+        """Of each row (m,): room grows with the distance, or shrinks."""
+        return np.array([1.0 if label == "lower" else -1.0 for label in self.labels])
+
+    def _away(self, T: pin.SE3) -> tuple[float, np.ndarray]:
+        """The distance [m] and the direction (3,) from the point; any direction at the point itself."""
+        away = T.translation - (self.target.translation if self.point is None else self.point)
+        distance = math.hypot(*away.tolist())
+        return (distance, away / distance) if distance > NEAR else (NEAR, np.array([0.0, 0.0, 1.0]))
