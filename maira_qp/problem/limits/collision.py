@@ -176,6 +176,10 @@ class CollisionLimit(Limit):
         missing[contacts.pairs] = np.maximum(self.margin - contacts.distances, 0.0)
         return missing
 
+    def residual(self, at: Configuration) -> tuple[float, float]:
+        """What is missing of the margin, the norm over all pairs [m]."""
+        return float(np.linalg.norm(np.minimum(self._near(at).distances - self.margin, 0.0))), 0.0
+
     def parts(self, at: Configuration) -> np.ndarray:
         """The pair of each row (m,)."""
         return self._near(at).pairs

@@ -100,6 +100,9 @@ class Limit:
     """Whether the rows hold for every displacement, so that one that keeps them keeps the limit; False: to first order
     only, as is safe for any limit."""
 
+    knows_curvature: ClassVar[bool] = False
+    """`curvature` is by a formula, and cheap enough for a control tick."""
+
     def of(self, robot: Robot) -> Limit:
         """The limit with everything that depends on the robot filled in and checked. Raises `OptionError`."""
         return self
@@ -128,6 +131,11 @@ class Limit:
         """By how much the configuration breaks the limit; >= 0."""
         rows = self.rows(at, None)
         return 0.0 if rows is None else max(0.0, -float(np.min(rows[1], initial=0.0)))
+
+    def residual(self, at: Configuration) -> tuple[float, float]:
+        """What the rows are broken by, the norm of those in metres, and of those in rad or of another unit."""
+        rows = self.rows(at, None)
+        return 0.0, 0.0 if rows is None else float(np.linalg.norm(np.minimum(rows[1], 0.0)))
 
     def curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
         """Second derivative (n, n) of the rows, weighted: `sum_k multipliers_k dG_k/dq`; multipliers (m,).
@@ -299,14 +307,14 @@ def merge(limits: Sequence[Limit], at: Configuration, tick: Tick | None = None, 
     kept, braking = np.maximum(bounds.h, 0.0), None
     over = float((bounds.G @ bounds.rest - kept).max())
     if over > 0 and tick is not None:
-        together = _slowed_together(bounds, tick.velocity * tick.dt)
+        together = slowed_together(bounds, tick.velocity * tick.dt)
         if together is not None and float((bounds.G @ together - kept).max()) < over:
             braking = together
     bounds = replace(bounds, broken=broken, braking=braking)
     return replace(bounds, h=np.maximum(kept, bounds.G @ bounds.rest))
 
 
-def _slowed_together(bounds: Bounds, ahead: np.ndarray) -> np.ndarray | None:
+def slowed_together(bounds: Bounds, ahead: np.ndarray) -> np.ndarray | None:
     """The smallest share of the displacement `ahead` (n,) at the speed of now that the box allows; None for none."""
     moves = ahead != 0
     if not moves.any() or not ((bounds.lower <= 0) & (bounds.upper >= 0))[~moves].all():

@@ -73,6 +73,11 @@ class PoseRange(TargetLimit):
         """A row for each finite end."""
         return (*self._places.labels(AXES), *self._turns.labels([f"about {axis}" for axis in AXES]))
 
+    @property
+    def metres(self) -> int:
+        """Those of the position."""
+        return int(self._places.bounded.sum())
+
     def room(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
         """The distance from each finite end (m,) [m, then rad]."""
         E = self._axes
@@ -88,9 +93,9 @@ class PoseRange(TargetLimit):
 
     def bend(self, T: pin.SE3, y: np.ndarray) -> np.ndarray:
         """Of the orientation's rows alone (6, 6)."""
-        S, count = np.zeros((6, 6)), int(self._places.bounded.sum())
-        if y[count:].any():
-            S[3:, 3:] = np.tensordot(self._turns.pull(y[count:]), self._turned(T)[2], 1)
+        S = np.zeros((6, 6))
+        if y[self.metres :].any():
+            S[3:, 3:] = np.tensordot(self._turns.pull(y[self.metres :]), self._turned(T)[2], 1)
         return S
 
     @property
@@ -150,6 +155,11 @@ class ConeLimit(TargetLimit):
     def labels(self) -> tuple[str, ...]:
         """One row."""
         return ("",)
+
+    @property
+    def metres(self) -> int:
+        """None: an angle."""
+        return 0
 
     def room(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
         """What is left of the angle (1,)."""

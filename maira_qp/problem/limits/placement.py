@@ -18,7 +18,7 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import compress
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -95,6 +95,7 @@ class PlacementLimit(FrameLimit):
     """A frame of the robot, or a point or pose that is fixed to it, is to stay somewhere."""
 
     _gain: float = field(default=math.inf, repr=False)
+    knows_curvature: ClassVar[bool] = True
 
     def of(self, robot: Robot) -> PlacementLimit:
         """With the frame's name. Raises `FrameError` for a frame that the robot does not have."""
@@ -109,6 +110,11 @@ class PlacementLimit(FrameLimit):
     def bend(self, T: pin.SE3, y: np.ndarray) -> np.ndarray:
         """Second derivative (6, 6) of `y . room`, y (m,), by [p; phi] of the pose."""
         return np.zeros((6, 6))
+
+    @property
+    def metres(self) -> int:
+        """How many of the rows, the first ones, are in metres; the others are in rad."""
+        return len(self.labels)
 
     @property
     @abstractmethod
@@ -134,6 +140,11 @@ class PlacementLimit(FrameLimit):
     def violations(self, at: Configuration) -> np.ndarray:
         """The same of each row (m,)."""
         return np.maximum(-self.rows(at, None)[1], 0.0)
+
+    def residual(self, at: Configuration) -> tuple[float, float]:
+        """By how much the frame is outside, the norm of the rows in metres and of those in rad."""
+        missing, count = self.violations(at), self.metres
+        return float(np.linalg.norm(missing[:count])), float(np.linalg.norm(missing[count:]))
 
     def parts(self, at: Configuration) -> np.ndarray:
         """Each row is a part of its own (m,)."""

@@ -7,17 +7,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from maira_qp.errors import OptionError, shown
-from maira_qp.problem.limits.joint import Limit, Tick
+from maira_qp.problem.limits.joint import FEASIBILITY, Limit, Tick
 from maira_qp.problem.tasks.task import Task, checked_weights
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.robot import Robot
+
+INSIDE = 1e-8
+"""How far within a limit that is not linear a solve aims, so that what comes from outside ends inside."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LimitTask(Task):
     """A limit is to be kept as well as the levels above allow; the levels below may not spoil what was reached.
 
-    Its error is what breaks the limit: one row for each of the limit's rows, 0 where that is kept.
+    Its error is what breaks the limit: one row for each of the limit's rows, 0 where that is kept. A solve counts it as
+    reached where the limit is kept, without a tolerance. In the first level, with a posture below, it asks for any
+    configuration within the limit, and of these for the one in that posture.
     """
 
     limit: Limit
@@ -48,13 +53,26 @@ class LimitTask(Task):
         return True
 
     def error(self, at: Configuration) -> np.ndarray:
-        """By how much each row is broken (m,)."""
-        return np.maximum(-self._rows(at, None)[1], 0.0)
+        """By how much each row is broken (m,); of a limit that is not linear, what is missing of `INSIDE`."""
+        h = self._rows(at, None)[1]
+        return np.maximum(-h if self.limit.is_linear else INSIDE - h, 0.0)
 
     def jacobian(self, at: Configuration) -> np.ndarray:
         """`-G` (m, n) of the rows that are broken, 0 of the others."""
-        G, h = self._rows(at, None)
-        return np.where(h[:, None] < 0, -G, 0.0)
+        return np.where(self.error(at)[:, None] > 0, -self._rows(at, None)[0], 0.0)
+
+    def hessian(self, at: Configuration) -> np.ndarray:
+        """Gauss-Newton's (n, n), and the curvature of the rows that are broken."""
+        e, A = self.error(at), self.rows(at)[0]
+        return A.T @ A + self.weight**2 * self.limit.curvature(at, e) if e.any() else A.T @ A
+
+    def residual(self, at: Configuration) -> tuple[float, float]:
+        """Norms of what is broken of rows in metres [m], and of the others."""
+        return self.limit.residual(at)
+
+    def is_kept(self, at: Configuration) -> bool:
+        """Whether a configuration keeps the limit; a linear one to rounding."""
+        return bool((self._rows(at, None)[1] >= (-FEASIBILITY if self.limit.is_linear else 0.0)).all())
 
     def wishes(self, at: Configuration, tick: Tick) -> tuple[np.ndarray, np.ndarray]:
         """The rows of a tick, weighted."""

@@ -20,7 +20,7 @@ from maira_qp.problem.limits.joint import (
 from maira_qp.problem.options import Options
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.backends import Backend
-from maira_qp.problem.qp.hierarchy import Level, solve_hierarchy
+from maira_qp.problem.qp.hierarchy import Level, null_space, solve_hierarchy
 from maira_qp.problem.qp.qp import QP
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.robot import Robot, drawn
@@ -205,11 +205,19 @@ class Context:
                 depth += float(((RESERVE - h[h < RESERVE]) / steep).sum())
         return depth
 
-    def curvature(self, at: Configuration, gradient: np.ndarray) -> np.ndarray:
+    @cached_property
+    def bends_by_formula(self) -> bool:
+        """Some bent limits know their curvature by a formula."""
+        return any(limit.knows_curvature for limit in self._bent)
+
+    def curvature(
+        self, at: Configuration, gradient: np.ndarray, above: np.ndarray | None = None, by_formula: bool = False
+    ) -> np.ndarray:
         """What limits that are not linear add to the Hessian (n, n) of a cost with a gradient (n,) that they hold up.
 
         Rows and joint limits that the configuration stands on hold it up by multipliers >= 0, those that balance it
-        best; the rows' second derivatives, so weighted, are what the Lagrangian bends by beside the cost.
+        best in the null space of the rows `above` (m, n), if there are any; the rows' second derivatives, so weighted,
+        are what the Lagrangian bends by beside the cost. `by_formula`: of the limits alone that know it by one.
         """
         C = np.zeros((at.n, at.n))
         rows = self._rows_of_each(at)
@@ -219,12 +227,14 @@ class Context:
         eye = np.eye(at.n)
         faces = [-eye[at.q <= self.robot.lower], eye[at.q >= self.robot.upper]]
         G = np.vstack([*(G[each] for (_, G, _), each in zip(rows, near, strict=True)), *faces])
+        Z = eye if above is None or not len(above) else null_space(above)
         size = float(np.abs(gradient).max()) or 1.0
-        held, start = size * nnls(G.T, -gradient / size)[0], 0
+        held, start = size * nnls((G @ Z).T, -(gradient / size) @ Z)[0] if Z.shape[1] else np.zeros(len(G)), 0
         for (limit, _, h), each in zip(rows, near, strict=True):
             multipliers, stop = np.zeros(len(h)), start + int(each.sum())
             multipliers[each], start = held[start:stop], stop
-            if not limit.is_linear and multipliers.any():
+            counts = limit.knows_curvature if by_formula else not limit.is_linear
+            if counts and multipliers.any():
                 C += limit.curvature(at, multipliers)
         return C
 

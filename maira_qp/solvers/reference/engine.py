@@ -19,6 +19,7 @@ from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.costs import TaskCost, tasks_toward
 from maira_qp.problem.redundancy import Strict, Weighted, trades_off
 from maira_qp.problem.targets import Poses, Targets, poses_of, streams
+from maira_qp.problem.tasks.limit import LimitTask
 from maira_qp.results.solution import Solution
 from maira_qp.results.status import status_of
 from maira_qp.robots.model.configuration import Configuration
@@ -157,10 +158,12 @@ class ReferenceEngine:
         return self._proofs is not None and self._proofs.proof(poses) is not None
 
     def reached(self, cost: TaskCost) -> Reached:
-        """Whether a configuration counts as there: the tasks within their tolerances, and further limits kept."""
+        """Whether a configuration counts as there: tasks within their tolerances, limits kept, those of tasks too."""
+        wishes = [task for task in cost.tasks if isinstance(task, LimitTask)]
 
         def reached(at: Configuration) -> bool:
-            return bool(self.problem.is_reached(*residual(cost, at))) and not self.context.broken(at)
+            is_there = bool(self.problem.is_reached(*residual(cost, at))) and not self.context.broken(at)
+            return is_there and all(wish.is_kept(at) for wish in wishes)
 
         return reached
 

@@ -36,8 +36,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maira_qp.problem.limits.joint import Bounds, Tick, stopping_displacement
 from maira_qp.problem.objectives import Posture
+from maira_qp.problem.limits.joint import Bounds, Tick, slowed_together, stopping_displacement
 from maira_qp.problem.options import Options
 from maira_qp.problem.qp.costs import LevelObjective, TaskCost
 from maira_qp.problem.qp.hierarchy import Level, solve_each_level
@@ -147,13 +147,14 @@ def tick(
     end = None if deadline is None else time.monotonic() + deadline
     if isinstance(redundancy, Weighted) and redundancy.fading:
         redundancy = redundancy.faded(cost.gradient(at), redundancy.objective.gradient(at))
-    robot, bounds = context.robot, context.bounds(at, now)
+    robot, bounds = context.robot, _with_a_way_to_stop(context.bounds(at, now), at, context, now)
     models = _models(cost, redundancy, at, context, now, bounds)
     if keep_direction:
         first = _paced(LevelObjective(cost, _weighted(redundancy)), now.dt)
         count = len(split_equalities(first))
         models = [*_directed(first, models[:count], at, now), *models[count:]]
-    models = [*_back_inside(at, context, bounds), *_bent_along_wishes(models, cost, at, context)]
+    models = _bent_along_wishes(_bent_along_limits(models, at, context), cost, at, context)
+    models = [*_back_inside(at, context, bounds), *models]
     levels = [model.level for model in models]
     if np.isfinite(robot.acceleration_limit).any():
         levels, bounds = _slowed(models, at, context, now, bounds)
@@ -307,6 +308,17 @@ def _paced(level: LevelObjective, dt: float) -> LevelObjective:
     """The level in a tick of dt [s]: its objectives take the share of their steps that their gains [1/s] allow."""
     paced = [replace(each, gain=each.gain * each.objective.share(dt)) for each in level.objectives]
     return replace(level, objectives=tuple(paced))
+
+
+def _bent_along_limits(models: list[_Model], at: Configuration, context: Context) -> list[_Model]:
+    """The models, with the curvature of limits near by that hold a level up, as far as these know it by a formula."""
+    if not context.bends_by_formula:
+        return models
+    above, bent = np.empty((0, at.n)), []
+    for model in models:
+        bent.append(model.bent_by(context.curvature(at, model.level.c, above, by_formula=True)))
+        above = np.vstack([above, model.level.rows])
+    return bent
 
 
 def _bent_along_wishes(models: list[_Model], cost: TaskCost, at: Configuration, context: Context) -> list[_Model]:
@@ -468,6 +480,21 @@ def _violations_ahead(at: Configuration, dq: np.ndarray, context: Context, now: 
     q = context.robot.kinematics.integrate(at.q, together[-1])
     if (context.robot.lower <= q).all() and (q <= context.robot.upper).all():
         yield np.max([here, *(context.violations(at.moved(way)) for way in together)], axis=0)
+
+
+def _with_a_way_to_stop(bounds: Bounds, at: Configuration, context: Context, now: Tick) -> Bounds:
+    """The bounds with that way to slow down as their `rest` which breaks bent limits less: apart or together.
+
+    The last tick was allowed because one of them breaks none, which linearised limits do not know.
+    """
+    if not context.is_bent or not np.isfinite(context.robot.acceleration_limit).any():
+        return bounds
+    ways = [bounds.rest, np.clip(0.0, bounds.lower, bounds.upper)]
+    if bounds.braking is None and (together := slowed_together(bounds, now.velocity * now.dt)) is not None:
+        ways.append(together)
+    broken = [min(_violations_ahead(at.moved(way), way, context, now), key=np.sum).sum() for way in ways]
+    best = int(np.argmin(broken))
+    return bounds if best == 0 else replace(bounds, braking=ways[best], h=np.maximum(bounds.h, bounds.G @ ways[best]))
 
 
 def split_equalities(level: LevelObjective) -> tuple[LevelObjective, ...]:
