@@ -74,12 +74,13 @@ class ReferenceEngine:
         cost, wish = problem.costs(poses)
         reached = self.reached(cost)
         start = None if q0 is None else self.context.admitted(q0)
+        begin = self._posture_asked_for(cost) if start is None else start
         stream = streams(rows, seed)
         rng = lambda: np.random.default_rng(int(stream[0]))  # noqa: E731
         found, sought = None, cost
         if len(problem.hierarchy.all_tasks) > len(problem.tasks):
             everything = tasks_toward(problem.hierarchy.all_tasks, poses)
-            together = search_limbs(everything, start, self.context, budget, rng, self.reached, TOGETHER)
+            together = search_limbs(everything, begin, self.context, budget, rng, self.reached, TOGETHER)
             if start is not None and together.left and together.best.reached:
                 found = self._met_nearby(cost, everything, wish, start, budget)
             if found is None and together.best.reached:
@@ -90,11 +91,20 @@ class ReferenceEngine:
             found = self._screened(cost, start, rows[0, 0], budget, rng(), reached)
         elif found is None:
             hopeless = lambda: self._is_hopeless(poses)  # noqa: E731
-            found = search_limbs(cost, start, self.context, budget, rng, self.reached, is_hopeless=hopeless)
+            found = search_limbs(cost, begin, self.context, budget, rng, self.reached, is_hopeless=hopeless)
+        if start is None:
+            found = replace(found, left=False)
         is_felt_below = sought is cost and bool(problem.hierarchy.lower)
         if start is None and (problem.posture is not None or not is_felt_below):
             found = replace(found, best=self._unwound(found.best, sought))
         return self._finish(found, cost, wish, reached, budget, rows[0], q0, start)
+
+    def _posture_asked_for(self, cost: TaskCost) -> np.ndarray | None:
+        """Where to begin without a start (n,), if all configurations within limits are as good: at the posture."""
+        posture = self.problem.posture
+        if posture is None or not all(task.is_wish for task in cost.tasks):
+            return None
+        return self.context.admitted(posture.q_ref)
 
     def _met_nearby(
         self, cost: TaskCost, everything: TaskCost, wish: Weighted | Strict | None, start: np.ndarray, budget: Budget

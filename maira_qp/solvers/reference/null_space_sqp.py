@@ -113,6 +113,15 @@ class _Held(Limit):
         """That of the limit, where it is more than rounding."""
         return max(0.0, self.limit.violation(at) - FEASIBILITY)
 
+    @property
+    def knows_curvature(self) -> bool:  # type: ignore[override]
+        """If the limit does."""
+        return self.limit.knows_curvature
+
+    def curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
+        """That of the limit (n, n)."""
+        return self.limit.curvature(at, multipliers)
+
 
 def _tasks_alone(objective: Objective) -> TaskCost | None:
     """The tasks of a level that has no objectives; None for what is no such level."""
@@ -190,6 +199,9 @@ class _Walk:
         """The displacement (n,) with the curvature that belongs to the joints `held` (n,) by their limits."""
         self.budget.iterations += 1
         pose, *below = strict_levels(self.cost.level(at), self.cost, self.objectives, at, held)
+        if self.context.bends_by_formula:
+            bend = self.context.curvature(at, below[0].c, pose.rows, by_formula=True)
+            below[0] = replace(below[0], H=below[0].H + bend)
         regained = replace(pose, c=np.zeros_like(pose.c))  # to 1e-11: what is left is not worth a displacement
         dq = solve_hierarchy([regained, *below], bounds, self.context.backend)
         return np.zeros_like(at.q) if dq is None else dq
