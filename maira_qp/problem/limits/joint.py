@@ -123,8 +123,7 @@ class Limit:
         return 0.0
 
     def tangents(self, at: Configuration, dq: np.ndarray, tick: Tick) -> tuple[np.ndarray, np.ndarray] | None:
-        """G (k, n) and h (k,) of rows that a displacement dq (n,) with a pace above 1 breaks, and that no displacement
-        breaks which the limit allows."""
+        """G (k, n) and h (k,) of rows that a displacement dq (n,) of a tick breaks, and none which the limit allows."""
         return None
 
     def violation(self, at: Configuration) -> float:

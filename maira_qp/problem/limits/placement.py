@@ -87,7 +87,7 @@ class FrameLimit(Limit):
         """Derivatives D (m, 6) by the twist of the offset as those by the frame's."""
         if self.offset is None:
             return D
-        return np.hstack([D[:, :3], D[:, 3:] + np.cross(self._lever(at), D[:, :3])])
+        return np.hstack([D[:, :3], D[:, 3:] - D[:, :3] @ skew(self._lever(at))])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -14,10 +14,13 @@ import numpy as np
 
 from maira_qp.arrays import is_listing, is_number
 from maira_qp.errors import OptionError, shown
-from maira_qp.orientation import orientation_error
+from maira_qp.orientation import orientation_error, skew
 from maira_qp.problem.limits.joint import Tick
 from maira_qp.problem.limits.placement import FrameLimit
 from maira_qp.robots.model.configuration import Configuration
+
+CLOSE = 1e-3
+"""A motion that is too fast by no more than this share is scaled, and not sought again."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,25 +61,30 @@ class ToolSpeedLimit(FrameLimit):
             return 0.0
         there = at.moved(dq)
         before, after = self.placement(at), self.placement(there)
-        twists = np.array([self._jacobian(each) @ dq for each in (at, there)])
-        moved = np.linalg.norm(after.translation - before.translation)
-        turned = np.linalg.norm(orientation_error(before.rotation, after.rotation))
-        linear = max(float(moved), *np.linalg.norm(twists[:, :3], axis=1).tolist()) / self.linear
-        angular = max(float(turned), *np.linalg.norm(twists[:, 3:], axis=1).tolist()) / self.angular
-        return max(linear, angular) / tick.dt
+        ways, turns = [after.translation - before.translation], [orientation_error(before.rotation, after.rotation)]
+        for each in (at, there):
+            twist = self._twist(each, dq)
+            ways.append(twist[:3])
+            turns.append(twist[3:])
+        linear, angular = (max(math.hypot(*each.tolist()) for each in motions) for motions in (ways, turns))
+        return max(linear / self.linear, angular / self.angular) / tick.dt
 
     def tangents(self, at: Configuration, dq: np.ndarray, tick: Tick) -> tuple[np.ndarray, np.ndarray]:
         """For each speed that is too large, the row across its direction."""
-        J = self._jacobian(at)
+        twist = self._twist(at, dq)
         rows, ends = [np.empty((0, at.n))], [np.empty(0)]
-        for part, most in ((J[:3], self.linear * tick.dt), (J[3:], self.angular * tick.dt)):
-            motion = part @ dq
-            size = float(np.linalg.norm(motion))
-            if size > most:
-                rows.append((motion / size) @ part[None])
+        for place, most in ((slice(3), self.linear * tick.dt), (slice(3, 6), self.angular * tick.dt)):
+            size = math.hypot(*twist[place].tolist())
+            if size > (1 + CLOSE) * most:
+                across = np.zeros((1, 6))
+                across[0, place] = twist[place] / size
+                rows.append(self._of_frame(across, at) @ at.jacobian(self.frame))
                 ends.append(np.array([most]))
         return np.vstack(rows), np.concatenate(ends)
 
-    def _jacobian(self, at: Configuration) -> np.ndarray:
-        """Of the offset frame (6, n), base axes."""
-        return self._of_frame(np.eye(6), at) @ at.jacobian(self.frame)
+    def _twist(self, at: Configuration, dq: np.ndarray) -> np.ndarray:
+        """The twist (6,) of the offset frame for a displacement dq (n,), base axes."""
+        twist = at.jacobian(self.frame) @ dq
+        if self.offset is not None:
+            twist[:3] -= skew(self._lever(at)) @ twist[3:]
+        return twist

@@ -139,8 +139,8 @@ class Context:
         return max(0.0, float(brentq(too_fast, 0.0, 1.0, xtol=PACED)) - 2 * PACED)  # type: ignore[arg-type]
 
     def tangents(self, at: Configuration, dq: np.ndarray, now: Tick) -> tuple[np.ndarray, np.ndarray]:
-        """G (k, n) and h (k,) of rows that a displacement dq (n,) of a tick breaks where its pace is above 1."""
-        rows = [limit.tangents(at, dq, now) for limit in self._paced if limit.pace(at, dq, now) > 1.0]
+        """G (k, n) and h (k,) of the rows of such limits that a displacement dq (n,) of a tick breaks."""
+        rows = [limit.tangents(at, dq, now) for limit in self._paced]
         found = [row for row in rows if row is not None]
         return (
             np.vstack([np.empty((0, at.n)), *(G for G, _ in found)]),

@@ -483,18 +483,26 @@ def _violations_ahead(at: Configuration, dq: np.ndarray, context: Context, now: 
 
 
 def _with_a_way_to_stop(bounds: Bounds, at: Configuration, context: Context, now: Tick) -> Bounds:
-    """The bounds with that way to slow down as their `rest` which breaks bent limits less: apart or together.
+    """The bounds with that way to slow down as their `rest` which breaks bent limits least: apart or together.
 
-    The last tick was allowed because one of them breaks none, which linearised limits do not know.
+    The last tick was allowed because one of them breaks none, which linearised limits do not know. In the second place
+    counts the pace that limits on speeds allow: joints whose motions cancel at the tool brake together.
     """
-    if not context.is_bent or not np.isfinite(context.robot.acceleration_limit).any():
+    has_choice = context.is_bent or context.is_paced
+    if not has_choice or not now.velocity.any() or not np.isfinite(context.robot.acceleration_limit).any():
         return bounds
     ways = [bounds.rest, np.clip(0.0, bounds.lower, bounds.upper)]
     if bounds.braking is None and (together := slowed_together(bounds, now.velocity * now.dt)) is not None:
         ways.append(together)
-    broken = [min(_violations_ahead(at.moved(way), way, context, now), key=np.sum).sum() for way in ways]
-    best = int(np.argmin(broken))
-    return bounds if best == 0 else replace(bounds, braking=ways[best], h=np.maximum(bounds.h, bounds.G @ ways[best]))
+
+    def harm(way: np.ndarray) -> tuple[float, float]:
+        broken = 0.0
+        if context.is_bent:
+            broken = float(min(_violations_ahead(at.moved(way), way, context, now), key=np.sum).sum())
+        return broken, max(1.0, context.pace(at, way, now))
+
+    best = min(ways, key=harm)
+    return bounds if best is ways[0] else replace(bounds, braking=best, h=np.maximum(bounds.h, bounds.G @ best))
 
 
 def split_equalities(level: LevelObjective) -> tuple[LevelObjective, ...]:
