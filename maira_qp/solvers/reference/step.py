@@ -36,8 +36,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maira_qp.problem.objectives import Posture
 from maira_qp.problem.limits.joint import Bounds, Tick, slowed_together, stopping_displacement
+from maira_qp.problem.objectives import Posture
 from maira_qp.problem.options import Options
 from maira_qp.problem.qp.costs import LevelObjective, TaskCost
 from maira_qp.problem.qp.hierarchy import Level, solve_each_level
