@@ -164,7 +164,7 @@ class Problem:
     def limit_violations(self, at: Configuration) -> dict[str, float]:
         """By how much a configuration breaks the additional limits, by name, the worst first."""
         found: dict[str, float] = {}
-        kinds = [type(limit).__name__ for limit in self.additional_limits]
+        kinds = [limit.name or type(limit).__name__ for limit in self.additional_limits]
         for i, (limit, kind) in enumerate(zip(self.additional_limits, kinds, strict=True)):
             name = kind if kinds.count(kind) == 1 else f"{kind} {kinds[: i + 1].count(kind)}"
             for part, amount in limit.broken(at, name).items():

@@ -56,10 +56,10 @@ class PoseRange(TargetLimit):
         object.__setattr__(self, "_places", Ranges.build(self.position, "position of a PoseRange"))
         turns = Ranges.build(self.orientation, "orientation of a PoseRange").ends
         k = AXES.index(self.about)
+        if np.isfinite(turns[:, k]).any():
+            turns[:, k] = np.where(np.isfinite(turns[:, k]), turns[:, k], [-math.pi, math.pi])
         if turns[1, k] - turns[0, k] >= math.tau:
             turns[:, k] = -math.inf, math.inf
-        elif np.isfinite(turns[:, k]).any():
-            turns[:, k] = np.where(np.isfinite(turns[:, k]), turns[:, k], [-math.pi, math.pi])
         object.__setattr__(self, "_turns", Ranges(turns))
         if not (self._places.bounded.any() or self._turns.bounded.any()):
             raise OptionError("a PoseRange needs a range of the position or of the orientation, such as position=0.01")
