@@ -59,6 +59,8 @@ class Problem:
             _check_type(value, (list, tuple), name, "a list")
         for limit in limits:
             _check_type(limit, Limit, "limit", "mq.LinearLimit(A, b)")
+            if getattr(limit, "needs_target", False):
+                raise OptionError(f"a {type(limit).__name__} among the limits needs a target of its own")
         hierarchy = TaskHierarchy.build(robot, task, tasks)
         if isinstance(redundancy, Weighted) and hierarchy.lower:
             raise OptionError(

@@ -16,7 +16,7 @@ def limits_about(T, frame: str) -> dict[str, mq.Limit]:
             frame=frame, offset=OFFSET, lower=[-0.05] * 3, upper=[0.05] * 3, pose=T * mq.pose(OFFSET)
         ),
         "half-space": mq.HalfSpaceLimit(frame=frame, normal=[1.0, -2.0, 0.5], point=p),
-        "distance": mq.DistanceLimit(frame=frame, point=p + [0.1, 0.0, 0.1], lower=0.1, upper=0.2),
+        "distance": mq.DistanceLimit(frame=frame, point=p + np.array([0.1, 0.0, 0.1]), lower=0.1, upper=0.2),
         "cone": mq.ConeLimit(frame=frame, direction=R[:, 2], angle=0.2),
         "range": mq.PoseRange(frame=frame, target=T, position=[0.03, 0.02, 0.05], orientation=[0.1, 0.05, 0.5]),
         "yaw": mq.PoseRange(frame=frame, target=T, position=0.03, orientation=[0.0, 0.0, 0.5]),
@@ -46,7 +46,7 @@ def outside(kind: str, T, now) -> float:
 
 
 def tilt_and_yaw(Q: np.ndarray) -> tuple[np.ndarray, float]:
-    """Rotation vector (2,) [rad] of the shortest turn that tilts z to where Q takes it, and the turn about z before it."""
+    """Rotation vector (2,) [rad] of the short turn that tilts z to where Q takes it, and the turn about z before it."""
     z, a = np.array([0.0, 0.0, 1.0]), Q[:, 2]
     across = np.cross(z, a)
     sine = np.linalg.norm(across)

@@ -66,10 +66,6 @@ class Bounds:
         """Which joints (n,) stand on a limit, or beyond it."""
         return (self.lower >= 0) | (self.upper <= 0)
 
-    def with_rows(self, G: np.ndarray, h: np.ndarray) -> Bounds:
-        """The same, and `G dq <= h`, (k, n) and (k,), as far as its `rest` keeps them."""
-        return replace(self, G=np.vstack([self.G, G]), h=np.concatenate([self.h, np.maximum(h, G @ self.rest)]))
-
     def contain(self, dq: np.ndarray) -> bool:
         """Whether dq (n,) is within the bounds, to rounding."""
         inside = (dq >= self.lower - FEASIBILITY).all() and (dq <= self.upper + FEASIBILITY).all()
@@ -121,10 +117,6 @@ class Limit:
         Of limits on speeds that are neither boxes nor rows.
         """
         return 0.0
-
-    def tangents(self, at: Configuration, dq: np.ndarray, tick: Tick) -> tuple[np.ndarray, np.ndarray] | None:
-        """G (k, n) and h (k,) of rows that a displacement dq (n,) of a tick breaks, and none which the limit allows."""
-        return None
 
     def violation(self, at: Configuration) -> float:
         """By how much the configuration breaks the limit; >= 0."""

@@ -1,7 +1,7 @@
 """The speed of the tool, of which no fixed rows of a tick know: `|J_v dq| <= linear dt`, `|J_w dq| <= angular dt`.
 
-These are balls, not polyhedra. A tick that is too fast is cut off by the plane that touches the ball where its
-direction leaves it, as often as it takes (the cutting planes of Kelley, 1960), and what is left is scaled.
+These are balls, not polyhedra. A tick that is too fast is solved again with less pull of the level that is, and what is
+left of the excess is scaled away.
 """
 
 from __future__ import annotations
@@ -19,17 +19,14 @@ from maira_qp.problem.limits.joint import Tick
 from maira_qp.problem.limits.placement import FrameLimit
 from maira_qp.robots.model.configuration import Configuration
 
-CLOSE = 1e-3
-"""A motion that is too fast by no more than this share is scaled, and not sought again."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ToolSpeedLimit(FrameLimit):
     """In a control tick a point of the tool moves by at most `linear`, and its frame turns by at most `angular`.
 
     Both hold at the beginning of the tick, at its end, and on the average in between; up to what a joint limit, or a
-    deceleration that is limited, forces upon the joints. By least squares the motion stays as near to what the tasks
-    ask for as the speed allows; with `keep_direction` it is scaled. Where no time passes, as in `solve`, it limits
+    deceleration that is limited, forces upon the joints. A level of tasks that asks for more moves as it would, only
+    slower, levels below it as far as the speed that is left allows. Where no time passes, as in `solve`, it limits
     nothing.
     """
 
@@ -68,19 +65,6 @@ class ToolSpeedLimit(FrameLimit):
             turns.append(twist[3:])
         linear, angular = (max(math.hypot(*each.tolist()) for each in motions) for motions in (ways, turns))
         return max(linear / self.linear, angular / self.angular) / tick.dt
-
-    def tangents(self, at: Configuration, dq: np.ndarray, tick: Tick) -> tuple[np.ndarray, np.ndarray]:
-        """For each speed that is too large, the row across its direction."""
-        twist = self._twist(at, dq)
-        rows, ends = [np.empty((0, at.n))], [np.empty(0)]
-        for place, most in ((slice(3), self.linear * tick.dt), (slice(3, 6), self.angular * tick.dt)):
-            size = math.hypot(*twist[place].tolist())
-            if size > (1 + CLOSE) * most:
-                across = np.zeros((1, 6))
-                across[0, place] = twist[place] / size
-                rows.append(self._of_frame(across, at) @ at.jacobian(self.frame))
-                ends.append(np.array([most]))
-        return np.vstack(rows), np.concatenate(ends)
 
     def _twist(self, at: Configuration, dq: np.ndarray) -> np.ndarray:
         """The twist (6,) of the offset frame for a displacement dq (n,), base axes."""

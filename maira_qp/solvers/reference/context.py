@@ -138,15 +138,6 @@ class Context:
             return 0.0
         return max(0.0, float(brentq(too_fast, 0.0, 1.0, xtol=PACED)) - 2 * PACED)  # type: ignore[arg-type]
 
-    def tangents(self, at: Configuration, dq: np.ndarray, now: Tick) -> tuple[np.ndarray, np.ndarray]:
-        """G (k, n) and h (k,) of the rows of such limits that a displacement dq (n,) of a tick breaks."""
-        rows = [limit.tangents(at, dq, now) for limit in self._paced]
-        found = [row for row in rows if row is not None]
-        return (
-            np.vstack([np.empty((0, at.n)), *(G for G, _ in found)]),
-            np.concatenate([np.empty(0), *(h for _, h in found)]),
-        )
-
     def rows(self, at: Configuration) -> tuple[np.ndarray, np.ndarray]:
         """G (m, n) and h (m,) of all limits with rows, h negative where one is broken."""
         rows = self._rows_of_each(at)

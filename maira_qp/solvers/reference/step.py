@@ -62,8 +62,11 @@ from maira_qp.solvers.reference.step_models import (
 
 HALVINGS = 12
 
-CUTS = 6
-"""Times that displacements which are too fast for a limit on the tool's speed are cut off, and found again."""
+SLOWINGS = 8
+"""Times that the pull of a level is reduced which moves the tool too fast."""
+
+CLOSE = 1e-3
+"""A motion that is too fast by no more than this share is scaled, and not sought again."""
 
 ARMIJO = 0.05
 """Share of what the model's slope promises that the merit must fall."""
@@ -158,7 +161,7 @@ def tick(
     levels = [model.level for model in models]
     if np.isfinite(robot.acceleration_limit).any():
         levels, bounds = _slowed(models, at, context, now, bounds)
-    displacements, bounds = _in_pace(levels, bounds, at, context, now, end)
+    displacements = _in_pace(levels, bounds, at, context, now, end)
     dq = np.clip(_safe(models, at, displacements, context, bounds, now), bounds.lower, bounds.upper)
     q, velocity = _moved(at, dq, robot, now.dt)
     wanted = displacements[-1] if displacements else np.full(at.n, np.inf)
@@ -170,16 +173,21 @@ def tick(
 
 def _in_pace(
     levels: Sequence[Level], bounds: Bounds, at: Configuration, context: Context, now: Tick, end: float | None
-) -> tuple[list[np.ndarray], Bounds]:
-    """The displacements (n,) of the levels, and the bounds with the planes that cut off what is too fast of them."""
+) -> list[np.ndarray]:
+    """The displacements (n,) of the levels, the pull of each reduced until they are as slow as limits on speed ask.
+
+    A level that is too fast moves in the same direction, but for what joint limits hold up of it.
+    """
+    levels = list(levels)
     displacements = solve_each_level(levels, bounds, context.backend, end)
-    for _ in range(CUTS):
-        planes = [context.tangents(at, dq, now) for dq in displacements] if context.is_paced else []
-        if not any(len(h) for _, h in planes):
+    for _ in range(SLOWINGS if context.is_paced else 0):
+        paces = [context.pace(at, dq, now) for dq in displacements]
+        fast = next((k for k, pace in enumerate(paces) if pace > 1.0 + CLOSE and levels[k].c.any()), None)
+        if fast is None:
             break
-        bounds = bounds.with_rows(np.vstack([G for G, _ in planes]), np.concatenate([h for _, h in planes]))
+        levels[fast] = replace(levels[fast], c=levels[fast].c / paces[fast])
         displacements = solve_each_level(levels, bounds, context.backend, end)
-    return displacements, bounds
+    return displacements
 
 
 def brake(at: Configuration, context: Context, now: Tick) -> tuple[np.ndarray, np.ndarray]:

@@ -134,7 +134,7 @@ def test_a_limit_below_a_pose_yields_to_it(maira, rng):
     target, elbow = maira.forward(q), maira.forward(q, "link4").translation
     away = mq.LimitTask(limit=mq.BoxLimit(upper=target.translation - 0.1), priority=2)
     assert mq.Solver(maira, tasks=[away]).solve(target, q0=q).success
-    low = mq.HalfSpaceLimit(frame="link4", normal=[0, 1, 0], point=elbow + [0, 0.05, 0])
+    low = mq.HalfSpaceLimit(frame="link4", normal=[0, 1, 0], point=elbow + np.array([0, 0.05, 0]))
     wish = mq.LimitTask(limit=low, priority=2)
     s = mq.Solver(maira, tasks=[wish]).solve(target, q0=q)
     assert s.success

@@ -82,17 +82,18 @@ def test_violations_are_those_that_the_words_mean(maira, rng):
 
 
 def test_a_yaw_is_a_turn_about_the_z_of_the_target_whatever_the_tilt(maira, rng):
-    """The rotation from the target is the turn about z, then the tilt; beyond half a turn it counts from the other side."""
-    limit = mq.PoseRange(target=mq.pose([0, 0, 0], rpy=[0.3, -1.0, 2.0]), orientation=[0.2, 0.3, np.pi / 6])
+    """The rotation from the target is the turn about z, then the tilt."""
+    T, ends = mq.pose([0, 0, 0], rpy=[0.3, -1.0, 2.0]), np.array([0.2, 0.3, np.pi / 6])
+    limit = mq.PoseRange(target=T, orientation=ends)
     for _ in range(200):
         tilt, yaw = rng.uniform(-1.2, 1.2, 2), rng.uniform(-3.1, 3.1)
         Q = turn(np.array([*tilt, 0.0])) @ turn(yaw * Z)
         assert np.allclose(tilt_and_yaw(Q)[0], tilt)
-        x, _, _ = limit._turned(mq.pose(matrix=limit.target.rotation @ Q))
-        assert np.allclose(x, [*tilt, yaw], atol=1e-12)
+        from_lower_ends, _ = limit.room(mq.pose(matrix=T.rotation @ Q))
+        assert np.allclose(from_lower_ends[:3] - ends, [*tilt, yaw], atol=1e-12)
     for vector in np.eye(3):  # about one axis all three are the rotation vector
-        x, _, _ = limit._turned(mq.pose(matrix=limit.target.rotation @ turn(0.7 * vector)))
-        assert np.allclose(x, 0.7 * vector, atol=1e-12)
+        from_lower_ends, _ = limit.room(mq.pose(matrix=T.rotation @ turn(0.7 * vector)))
+        assert np.allclose(from_lower_ends[:3] - ends, 0.7 * vector, atol=1e-12)
 
 
 @pytest.mark.parametrize("axes", ["target", "base"])
