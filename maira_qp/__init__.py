@@ -9,7 +9,7 @@ solution = solver.solve(mq.pose([0.4, 0.2, 0.9], quaternion=[1, 0, 0, 0]))
 ```
 """
 
-from maira_qp import errors, paths
+from maira_qp import errors, paths, scale
 from maira_qp.io.save import save
 from maira_qp.orientation import pose_error
 from maira_qp.problem.limits.collision import CollisionLimit
@@ -36,7 +36,7 @@ from maira_qp.results.path_proof import PathProof
 from maira_qp.results.path_solution import PathFailure, PathSolution
 from maira_qp.results.solution import Solution
 from maira_qp.results.solution_set import ListedSolution, Solutions
-from maira_qp.results.status import Status, StepStatus, TrackerState
+from maira_qp.results.status import Reach, Status, StepStatus, TrackerState
 from maira_qp.results.step import Step
 from maira_qp.results.trajectory import Trajectory
 from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Mesh, Sphere
@@ -46,8 +46,7 @@ from maira_qp.solvers.ahead import compile
 from maira_qp.solvers.solver import Solver
 from maira_qp.solvers.streaming.clutch import Clutch
 from maira_qp.solvers.streaming.tracker import Tracker
-
-__version__ = "0.1.0"
+from maira_qp.version import __version__
 
 __all__ = [
     "AxisTask",
@@ -86,6 +85,7 @@ __all__ = [
     "PoseTask",
     "PositionTask",
     "Posture",
+    "Reach",
     "RelativePoseTask",
     "Robot",
     "Solution",
@@ -104,10 +104,12 @@ __all__ = [
     "TrackerState",
     "Trajectory",
     "Weighted",
+    "__version__",
     "compile",
     "errors",
     "paths",
     "pose",
     "pose_error",
     "save",
+    "scale",
 ]

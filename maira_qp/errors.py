@@ -52,6 +52,10 @@ class CompilationError(MairaError):
     """Kernels cannot be compiled ahead of their use: there is no folder to keep them in."""
 
 
+class JobError(MairaError):
+    """A job cannot be begun or gone on with: another job in its folder, other versions, a part that fails each time."""
+
+
 class SensitivityError(MairaError):
     """An answer has no derivative by its target, or none that is known: not optimal, singular, of another problem."""
 

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-import maira_qp
 from maira_qp.errors import OptionError
 from maira_qp.evaluation.contestant import Contestant
 from maira_qp.evaluation.judge import Judge
@@ -26,6 +25,7 @@ from maira_qp.evaluation.settings import Settings
 from maira_qp.evaluation.targets import Target, TargetSource
 from maira_qp.problem.options import Options
 from maira_qp.robots.model.robot import Robot
+from maira_qp.version import __version__
 
 SLACK = 1e-9
 """A claim is false only if it is off by more than this [m, rad]: solver and judge round differently."""
@@ -96,7 +96,7 @@ def fingerprint(plan: Plan) -> dict[str, Any]:
         "robot": robot.name,
         "robot_sha256": sha256(identity.encode()).hexdigest(),
         "versions": {
-            "maira_qp": maira_qp.__version__,
+            "maira_qp": __version__,
             **versions("numpy", "pin", "qpsolvers", *map(_package, plan.settings.backends)),
         },
     }

@@ -70,6 +70,24 @@ def statuses_of(
     return np.select([reached, breaks_limits, proved, stationary], [int(one) for one in ORDER], Status.BUDGET_SPENT)
 
 
+class Reach(NamedEnum):
+    """Whether a pose can be reached, for questions that are about nothing else."""
+
+    REACHABLE = 0
+    """A configuration within the limits reaches it: it was found."""
+    UNREACHABLE = 1
+    """None does: proved."""
+    UNDECIDED = 2
+    """Neither."""
+
+
+def reach_of(status: np.ndarray) -> np.ndarray:
+    """What statuses (...) of solves say of their poses: values of `Reach` (...), of int8."""
+    kinds = np.full(max(Status) + 1, Reach.UNDECIDED, dtype=np.int8)
+    kinds[Status.CONVERGED], kinds[Status.UNREACHABLE] = Reach.REACHABLE, Reach.UNREACHABLE
+    return kinds[np.asarray(status)]
+
+
 class StepStatus(NamedEnum):
     """What the arm is doing in a control tick: `Step.status`.
 

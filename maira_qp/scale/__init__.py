@@ -1,0 +1,30 @@
+"""Many poses on many machines, into files that survive a crash.
+
+    job = mq.scale.ReachJob.of(mq.Robot.maira(), cell=0.05, directions=200)
+    mq.scale.run(job, "maira.zarr", workers=8)
+    map = mq.scale.ReachMap.open("maira.zarr")
+    map.query(poses)  # (N,) values of `mq.Reach`
+
+A job is frozen data; `run` does it by an engine, and goes on after whatever interrupted it. The finished folder is the
+same, byte for byte, for any engine, number of workers and length of the shards, on machines of one kind.
+"""
+
+from maira_qp.scale.engines.engine import Engine
+from maira_qp.scale.job import Job
+from maira_qp.scale.reach.job import ReachJob
+from maira_qp.scale.reach.reach_map import MapSlice, ReachMap
+from maira_qp.scale.run import JobState, Verification, resume, run, state_of, verify
+
+__all__ = [
+    "Engine",
+    "Job",
+    "JobState",
+    "MapSlice",
+    "ReachJob",
+    "ReachMap",
+    "Verification",
+    "resume",
+    "run",
+    "state_of",
+    "verify",
+]

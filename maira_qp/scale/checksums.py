@@ -1,0 +1,61 @@
+"""Checksums of a finished output, in the format of `sha256sum`: written last, so that what has them is whole."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from maira_qp.io.atomic_write import replace_text
+from maira_qp.scale.ownership import LOCK
+from maira_qp.scale.shards import FOLDER
+
+SUMS = "SHA256SUMS"
+PIECE = 2**20
+"""How much of a file is read at a time [bytes]."""
+
+
+def write_sums(folder: Path) -> None:
+    """Write the checksums of all files below a folder. Raises `OSError`."""
+    lines = [f"{_sum(folder / name)}  {name}\n" for name in _files(folder)]
+    replace_text(folder / SUMS, "".join(lines))
+
+
+def is_finished(folder: Path) -> bool:
+    """Whether the output is whole."""
+    return (folder / SUMS).exists()
+
+
+def changed(folder: Path) -> list[str]:
+    """The files of a finished output that are not what was written, or are missing. Raises `OSError`."""
+    lines = (folder / SUMS).read_text().splitlines()
+    found = []
+    for line in lines:
+        wanted, _, name = line.partition("  ")
+        path = folder / name
+        if not path.is_file() or _sum(path) != wanted:
+            found.append(name)
+    return found
+
+
+def count_of(folder: Path) -> int:
+    """How many files a finished output has beside the checksums."""
+    return len((folder / SUMS).read_text().splitlines())
+
+
+def _files(folder: Path) -> Iterator[str]:
+    """Names relative to the folder, in order; shards and what else comes and goes aside."""
+    names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+    for name in names:
+        if name not in (SUMS, LOCK) and not name.startswith(f"{FOLDER}/") and not name.endswith(".part"):
+            yield name
+
+
+def _sum(path: Path) -> str:
+    total = hashlib.sha256()
+    with open(path, "rb") as file:
+        os.fsync(file.fileno())  # what has a checksum is on the disk
+        while piece := file.read(PIECE):
+            total.update(piece)
+    return total.hexdigest()
