@@ -20,6 +20,8 @@ from maira_qp.apps.commands.compare import Compare
 from maira_qp.apps.commands.compile import Compile
 from maira_qp.apps.commands.doctor import Doctor
 from maira_qp.apps.commands.fk import Fk
+from maira_qp.apps.commands.jobs.job import Job, JobActions
+from maira_qp.apps.commands.jobs.reach import Reach
 from maira_qp.apps.commands.plot import Pictures, Plot
 from maira_qp.apps.commands.solve import Solve
 from maira_qp.apps.commands.track import Track
@@ -37,7 +39,8 @@ DESCRIPTION = """Constrained inverse kinematics by quadratic programming.
 Lengths are in m, angles in rad (solve, track and fk: in deg with --deg), times in s; quaternions are W X Y Z.
 
 Exit codes: 0 done, and for solve: solved, for track: followed whole; 1 not solved, the nearest found is printed, or not
-followed whole; 3 proved to be out of reach; 4 neither, the budget was spent; of doctor: 1 something is at fault;
+followed whole; 3 proved to be out of reach; 4 neither, the budget was spent; of doctor: 1 something is at fault; of
+job: 1 not finished, or damaged;
 2 misuse, told on stderr; 130 interrupted; 141 the reader of the output went away before the verdict was known;
 143 terminated.
 
@@ -48,6 +51,8 @@ Command = (
     | Annotated[Track, tyro.conf.subcommand("track")]
     | Annotated[Fk, tyro.conf.subcommand("fk")]
     | Annotated[Urdf, tyro.conf.subcommand("urdf")]
+    | Annotated[Reach, tyro.conf.subcommand("reach")]
+    | Annotated[Job, tyro.conf.subcommand("job")]
     | Annotated[Compare, tyro.conf.subcommand("compare")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
     | Annotated[Plot, tyro.conf.subcommand("plot")]
@@ -106,7 +111,7 @@ def _run(arguments: list[str]) -> int:
     if arguments == ["--version"]:
         sys.stdout.write(f"maira-qp {maira_qp.__version__}\n")
         return 0
-    if arguments in ([], ["plot"]):  # who names no command is shown them all
+    if arguments in ([], ["plot"], ["job"]):  # who names no command is shown them all
         with contextlib.redirect_stdout(sys.stderr):
             _run([*arguments, "--help"])
         return MISUSE
@@ -134,6 +139,8 @@ def parse(arguments: list[str]) -> Command:
     _check_word(arguments[:1], "command", Command)
     if arguments[:1] == ["plot"]:
         _check_word(arguments[1:2], "picture", Pictures)
+    if arguments[:1] == ["job"]:
+        _check_word(arguments[1:2], "action", JobActions)
     told = io.StringIO()
     try:
         with contextlib.redirect_stderr(told):

@@ -117,11 +117,19 @@ def run(
                 _finish(job, path, shards)
         else:
             shards.remove()
-    return state_of(path)
+    return state_of(path, job)
 
 
 def resume(folder: str | os.PathLike[str], **options: Any) -> JobState:
     """Go on with the job of a folder, with the options of `run`; a finished output that is damaged is made again.
+
+    Raises as `run` does, and `JobError` for a folder without a job.
+    """
+    return run(renewed(folder), folder, **options)
+
+
+def renewed(folder: str | os.PathLike[str]) -> Job:
+    """The job of a folder, ready to go on: a finished output that is damaged counts as not finished any more.
 
     Raises as `run` does, and `JobError` for a folder without a job.
     """
@@ -130,14 +138,17 @@ def resume(folder: str | os.PathLike[str], **options: Any) -> JobState:
     if checksums.is_finished(path) and checksums.changed(path):
         with owned(path):
             (path / checksums.SUMS).unlink(missing_ok=True)
-    return run(job, path, **options)
+    return job
 
 
-def state_of(folder: str | os.PathLike[str]) -> JobState:
-    """What became of the job of a folder. Raises `JobError` for a folder without one."""
+def state_of(folder: str | os.PathLike[str], job: Job | None = None) -> JobState:
+    """What became of the job of a folder; a job of the caller's own class is given too.
+
+    Raises `JobError` for a folder without one.
+    """
     path = Path(folder)
     manifest = read_manifest(path)
-    job, finished = job_of(manifest), checksums.is_finished(path)
+    job, finished = job or job_of(manifest), checksums.is_finished(path)
     left = 0 if finished else sum(gap.length for gap in Shards(path, digest_of(manifest)).gaps(0, job.count))
     return JobState(
         folder=path,
