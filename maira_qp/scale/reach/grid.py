@@ -50,7 +50,7 @@ class Positions:
         """The cells (N,) that hold points (N, 3) [m]; -1 for those outside, and NaN."""
         with np.errstate(invalid="ignore"):
             at = np.floor(points / self.cell) - self.lower
-            inside = np.logical_and(at >= 0, at < self.shape).all(axis=1)
+            inside = np.all((at >= 0) & (at < self.shape), axis=1)
         at = np.where(inside[:, None], at, 0).astype(np.int64)
         return np.where(inside, np.ravel_multi_index(tuple(at.T), self.shape), -1)
 

@@ -74,7 +74,7 @@ class ReachJob(Job):
         cell: float = 0.05,
         directions: int = 200,
         rolls: int = 1,
-        box: Sequence[tuple[float, float]] | None = None,
+        box: Sequence[Sequence[float]] | None = None,
         options: Options | None = None,
         seed: int = 0,
     ) -> ReachJob:
