@@ -46,7 +46,7 @@ from maira_qp.solvers.ahead import compile
 from maira_qp.solvers.solver import Solver
 from maira_qp.solvers.streaming.clutch import Clutch
 from maira_qp.solvers.streaming.tracker import Tracker
-from maira_qp.version import __version__
+from maira_qp.version import __version__ as __version__
 
 __all__ = [
     "AxisTask",
@@ -104,7 +104,6 @@ __all__ = [
     "TrackerState",
     "Trajectory",
     "Weighted",
-    "__version__",
     "compile",
     "errors",
     "paths",

@@ -1,9 +1,13 @@
 """Many poses on many machines, into files that survive a crash.
 
-    job = mq.scale.ReachJob.of(mq.Robot.maira(), cell=0.05, directions=200)
-    mq.scale.run(job, "maira.zarr", workers=8)
-    map = mq.scale.ReachMap.open("maira.zarr")
-    map.query(poses)  # (N,) values of `mq.Reach`
+```python
+import maira_qp as mq
+
+job = mq.scale.ReachJob.of(mq.Robot.maira(), cell=0.5, directions=20)
+mq.scale.run(job, "coarse.zarr", workers=1)
+reach = mq.scale.ReachMap.open("coarse.zarr")
+reach.query([mq.pose([0.4, 0.2, 0.9])])  # (1,) values of `mq.Reach`
+```
 
 A job is frozen data; `run` does it by an engine, and goes on after whatever interrupted it. The finished folder is the
 same, byte for byte, for any engine, number of workers and length of the shards, on machines of one kind.
