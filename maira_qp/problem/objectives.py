@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +17,7 @@ import numpy as np
 from maira_qp.arrays import is_listing, is_number, real_array, semidefinite_matrix
 from maira_qp.errors import OptionError, listed, shown
 from maira_qp.robots.model.configuration import Configuration
+from maira_qp.robots.model.joint_values import joint_array, joint_values
 from maira_qp.robots.model.robot import Robot
 
 
@@ -73,10 +75,12 @@ class Posture(Objective):
     """Stay near a reference: `1/2 sum_i w_i (q_i - q_ref_i)^2`, or `1/2 (q - q_ref)^T M (q - q_ref)`."""
 
     q_ref: Any = None
-    """Reference configuration (n,) [rad or m]; None: the middle of the limits (0 for a continuous joint)."""
+    """Reference configuration (n,) [rad or m], or {joint name: value}, in which joints that are not named do not count;
+    None: the middle of the limits (0 for a continuous joint)."""
     weights: Any = None
-    """Weights (n,), >= 0, or one for all; None: 1. Or a matrix M (n, n), symmetric and positive semidefinite, such as a
-    mass matrix; with one that is not diagonal the reference engine takes the redundancy, and the control ticks."""
+    """Weights (n,), >= 0, or one for all, or {joint name: weight}, in which others count 1; None: 1. Or a matrix M
+    (n, n), symmetric and positive semidefinite, such as a mass matrix; with one that is not diagonal the reference
+    engine takes the redundancy, and the control ticks."""
     gain: float | None = None
     """A control tick moves by gain dt (q_ref - q), as far as what goes before it allows, and by no more than all of
     q_ref - q; > 0 [1/s]. None: it goes all the way in one tick, as fast as the limits allow. `solve` does not use it.
@@ -85,8 +89,12 @@ class Posture(Objective):
     def of(self, robot: Robot) -> Posture:
         """With the reference and weights as arrays of the robot's size."""
         q_ref = robot.middle if self.q_ref is None else self.q_ref
-        weights = checked_joint_weights(1.0 if self.weights is None else self.weights, "weights of Posture", robot.n)
-        q_ref = real_array(q_ref, (robot.n,), "q_ref of Posture", OptionError)
+        given = 1.0 if self.weights is None else self.weights
+        weights = checked_joint_weights(given, "weights of Posture", robot.joint_names)
+        if isinstance(q_ref, Mapping):  # a weight that is zero, or a row and a column of the matrix
+            counts = np.array([name in q_ref for name in robot.joint_names], dtype=float)
+            weights = weights * (counts if weights.ndim == 1 else np.outer(counts, counts))
+        q_ref = joint_array(q_ref, robot.joint_names, "q_ref of Posture", OptionError, robot.middle)
         return replace(self, q_ref=q_ref, weights=weights, gain=checked_gain(self.gain, "Posture"))
 
     @property
@@ -122,17 +130,18 @@ class Posture(Objective):
         return share_of(self.gain, dt)
 
 
-def checked_joint_weights(value: Any, name: str, n: int) -> np.ndarray:
-    """Weights of joints: (n,), >= 0, from one for all or one each; or a matrix (n, n) that is not diagonal.
+def checked_joint_weights(value: Any, name: str, joint_names: tuple[str, ...]) -> np.ndarray:
+    """Weights of joints: (n,), >= 0, from one for all, one each, or {joint name: weight}, in which others count 1; or a
+    matrix (n, n) that is not diagonal.
 
     Raises `OptionError`.
     """
-    if np.ndim(value) == 2:
+    n = len(joint_names)
+    if not isinstance(value, Mapping) and np.ndim(value) == 2:
         M = semidefinite_matrix(value, n, name, OptionError)
         diagonal = np.diag(M)
         return diagonal.copy() if np.array_equal(M, np.diag(diagonal)) else M
-    shape = () if is_number(value) else (n,)
-    weights = np.array(np.broadcast_to(real_array(value, shape, name, OptionError), n))
+    weights = np.array(joint_values(joint_names, value, name, np.ones(n), finite=True))
     if (weights < 0).any():
         raise OptionError(f"{name} must not be negative, got {weights.tolist()}")
     return weights

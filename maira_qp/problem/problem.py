@@ -13,16 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from maira_qp.errors import OptionError, shown
+from maira_qp.errors import ConfigurationError, OptionError, shown
 from maira_qp.problem.levels import TaskHierarchy
 from maira_qp.problem.limits.joint import AccelerationLimit, Limit, PositionLimit, VelocityLimit
 from maira_qp.problem.objectives import LimitDistance, Posture
 from maira_qp.problem.options import Options
 from maira_qp.problem.qp.costs import LevelObjective, TaskCost, tasks_toward
 from maira_qp.problem.redundancy import Strict, Weighted
-from maira_qp.problem.targets import Poses, Targets, checked_target, checked_targets
+from maira_qp.problem.targets import Poses, Targets, checked_starts, checked_target, checked_targets
 from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.model.configuration import Configuration
+from maira_qp.robots.model.joint_values import joint_array
 from maira_qp.robots.model.revolutions import WholeTurns
 from maira_qp.robots.model.robot import Robot
 
@@ -127,8 +128,24 @@ class Problem:
 
     @cached_property
     def turns(self) -> WholeTurns:
-        """Whole turns of the joints, counted from the posture, or from the middle of the limits."""
-        return WholeTurns(self.robot, self.robot.middle if self.posture is None else self.posture.q_ref)
+        """Whole turns of the joints, counted from the reference."""
+        return WholeTurns(self.robot, self.reference)
+
+    @property
+    def reference(self) -> np.ndarray:
+        """Where joints (n,) are by default: at the posture, or in the middle of the limits."""
+        return self.robot.middle if self.posture is None else self.posture.q_ref
+
+    def start(self, q0: Any) -> np.ndarray | None:
+        """A start (n,), checked; joints that a mapping does not name are at the reference. Raises
+        `ConfigurationError`."""
+        if q0 is None:
+            return None
+        return joint_array(q0, self.robot.joint_names, "q0", ConfigurationError, self.reference)
+
+    def starts(self, q0: Any, count: int) -> np.ndarray | None:
+        """The starts (count, n) of a batch, checked: see `checked_starts`. Raises `ConfigurationError`."""
+        return checked_starts(q0, count, self.robot.joint_names, self.reference)
 
     def target(self, target: Any) -> Targets:
         """One call's targets, checked: N is 1. Raises `PoseError`, `FrameError`."""

@@ -13,6 +13,7 @@ from maira_qp.arrays import is_listing, is_native, real_array
 from maira_qp.errors import ConfigurationError, FrameError, OptionError, PoseError, listed, shown
 from maira_qp.orientation import A_POSE, ORTHONORMAL_WITHIN, rigid, rounding_of
 from maira_qp.problem.pose import as_pose
+from maira_qp.robots.model.joint_values import check_joints, joint_array
 
 FARTHEST = 1e9
 """Targets farther away than this many lengths of the arm are a mistake, and beyond the numbers."""
@@ -210,10 +211,30 @@ def checked_seed(value: Any) -> np.ndarray:
     return seed_words(int(value))
 
 
-def checked_starts(q0: Any, count: int, n: int) -> np.ndarray | None:
-    """The starts (count, n) of a batch from one (n,) for all or one each; None: none. Raises `ConfigurationError`."""
+def checked_starts(q0: Any, count: int, joint_names: tuple[str, ...], default: np.ndarray) -> np.ndarray | None:
+    """The starts (count, n) of a batch from one for all or one each; None: none. Raises `ConfigurationError`.
+
+    They come as (n,), (count, n), {joint name: value, or values (count,)}, or as `count` mappings; joints that a
+    mapping does not name are at `default` (n,).
+    """
     if q0 is None:
         return None
-    if not is_listing(q0) or not any(is_listing(each) for each in q0):
-        return np.tile(real_array(q0, (n,), "q0", ConfigurationError), (count, 1))
-    return real_array(q0, (count, n), "q0", ConfigurationError)
+    if isinstance(q0, Mapping):
+        return _starts_by_joint(q0, count, joint_names, default)
+    if not is_listing(q0) or not any(is_listing(each) or isinstance(each, Mapping) for each in q0):
+        return np.tile(joint_array(q0, joint_names, "q0", ConfigurationError), (count, 1))
+    if any(isinstance(each, Mapping) for each in q0):
+        starts = [joint_array(each, joint_names, f"q0 {i}", ConfigurationError, default) for i, each in enumerate(q0)]
+        return real_array(np.array(starts), (count, len(joint_names)), "q0", ConfigurationError)
+    return real_array(q0, (count, len(joint_names)), "q0", ConfigurationError)
+
+
+def _starts_by_joint(
+    q0: Mapping[str, Any], count: int, joint_names: tuple[str, ...], default: np.ndarray
+) -> np.ndarray:
+    check_joints(q0, joint_names, "q0", ConfigurationError)
+    starts = np.tile(default, (count, 1))
+    for joint, values in q0.items():
+        shape = (count,) if is_listing(values) else ()
+        starts[:, joint_names.index(joint)] = real_array(values, shape, f"q0 of joint {joint!r}", ConfigurationError)
+    return starts

@@ -46,7 +46,14 @@ class Origin(Protocol):
 class OfProblem(Shown):
     """What is known of the joints. A pickle holds it in place of the robot."""
 
+    q: np.ndarray
     _origin: Origin | None
+
+    @property
+    def joints(self) -> dict[str, Any]:
+        """`q` by the names of the joints: {joint name: value} [rad or m], each an array (N,) where there are N"""
+        values = self.q.tolist() if self.q.ndim == 1 else self.q.T
+        return dict(zip(self.joint_names, values, strict=True))
 
     @property
     def _problem(self) -> Problem:

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from maira_qp.arrays import check_callable, is_count, is_native, is_number, real_array
+from maira_qp.arrays import check_callable, is_count, is_native, is_number
 from maira_qp.display import Card, Shown
-from maira_qp.errors import ConfigurationError, OptionError, PoseError, listed, shown
+from maira_qp.errors import OptionError, PoseError, listed, shown
 from maira_qp.orientation import pose_error
 from maira_qp.problem.limits.joint import Limit, Tick
 from maira_qp.problem.objectives import Posture
@@ -23,7 +23,8 @@ from maira_qp.problem.options import Options
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.backends import Backend
 from maira_qp.problem.redundancy import Strict, Weighted
-from maira_qp.problem.targets import SEED_0, Targets, checked_seed, checked_starts
+from maira_qp.problem.target_frames import in_base, renamed
+from maira_qp.problem.targets import SEED_0, Targets, checked_seed
 from maira_qp.problem.tasks.frame import TargetTask
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
@@ -31,10 +32,11 @@ from maira_qp.results.batch import BatchSolution
 from maira_qp.results.path_solution import PathSolution, Rules
 from maira_qp.results.solution import Solution
 from maira_qp.results.step import Step
-from maira_qp.robots.model.joint_limits import joint_values
+from maira_qp.robots.model.joint_values import joint_array, joint_values
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.dispatch import Choice, Engines
 from maira_qp.solvers.enumeration.closest import check_preference, posture_at
+from maira_qp.solvers.tools import MOST_TOOLS, key_of, names_for, on_frames
 
 if TYPE_CHECKING:
     from maira_qp.results.solution_set import Solutions
@@ -98,6 +100,11 @@ class Solver(Shown):
             "backend": backend,
             "options": options,
         }
+        self._for_tools = dict[Any, Solver]()
+        self._renamed = dict[str, str]()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_for_tools": {}}
 
     @property
     def robot(self) -> Robot:
@@ -133,6 +140,36 @@ class Solver(Shown):
         """The same solver for `robot.limited(**limits)`. Raises `OptionError`."""
         return Solver(self.robot.limited(**limits), **self._given)
 
+    def with_tool(self, tool: Any, name: Any = "tool") -> Solver:
+        """The same solver for `robot.with_tool(tool, name)`: errors and tolerances are those of the tool's frame.
+
+        What is asked of the tip is asked of the tool; tasks and objectives of other frames stay as they are. Raises
+        `PoseError`, `FrameError`.
+        """
+        robot = self.robot.with_tool(tool, name)
+        tools = dict(zip(self.robot.tips, robot.tips, strict=True))
+        return Solver(robot, **on_frames(self._given, tools))
+
+    def _for(self, tool: Any) -> Solver:
+        """The solver for a tool, which is kept and takes targets by the names of the tips; this one for None."""
+        if tool is None:
+            return self
+        key = key_of(tool)
+        solver = self._for_tools.get(key)
+        if solver is None:
+            solver = self.with_tool(tool, names_for(tool, self.robot))
+            solver._renamed = dict(zip(self.robot.tips, solver.robot.tips, strict=True))
+            for oldest in list(self._for_tools)[: 1 - MOST_TOOLS]:
+                self._for_tools.pop(oldest, None)
+            self._for_tools[key] = solver
+        return solver
+
+    def _in_base(self, target: Any, q: np.ndarray | None, in_frame: str | None, base: Any) -> Any:
+        """A target, its frames as this solver calls them, relative to the base."""
+        if self._renamed:
+            target = renamed(target, self._renamed)
+        return target if in_frame is None and base is None else in_base(target, self.robot, q, in_frame, base)
+
     def _card(self) -> Card:
         wish, further = self.redundancy, self.problem.additional_limits
         names = [type(objective).__name__ for objective in wish.objectives] if wish is not None else []
@@ -160,15 +197,20 @@ class Solver(Shown):
         observe: Callable[[np.ndarray], object] | None = None,
         prefer: str | None = None,
         metric: Any = None,
+        tool: Any = None,
+        in_frame: str | None = None,
+        base: Any = None,
     ) -> Solution:
         """Compute joint values that put the tool at the target.
 
         Args:
             target: T_base_tool as `pin.SE3` or (4, 4) [m]; {frame: pose} where tasks of several frames need a target;
                 None where all tasks have their own.
-            q0: start (n,) [rad or m]; None: of 512 known configurations the one nearest to the target and to the
-                posture of the redundancy; joints whose range is a turn or more then end at the turn nearest to that
-                posture. A start outside the limits is clipped to them.
+            q0: start (n,) [rad or m], or {joint name: value}, in which joints that are not named are at the posture of
+                the redundancy, or in the middle of their limits.
+                None: of 512 known configurations the one nearest to the target and to the posture of the redundancy;
+                joints whose range is a turn or more then end at the turn nearest to that posture. A start outside the
+                limits is clipped to them.
                 With q0, the answer leaves its basin or turn only for a result better by more than the tolerances, and
                 reports it: `left_q0` and `max_joint_change`. It is where the descent from q0 ends, at the pose or at a
                 nearest point, unless another start leads to the pose, or to a nearest point whose weighted error |W e|
@@ -183,19 +225,26 @@ class Solver(Shown):
                 `cost` is then half: for this call that distance takes the place of the solver's redundancy. Global for
                 S-R-S arms, as complete as the list for others, and without regard to the deadline. Where no solution is
                 known, the usual verdict from q0. None: the first that is found.
-            metric: joint weights (n,), >= 0; None: 1.
+            metric: joint weights (n,), >= 0, or {joint name: weight}, in which others count 1; None: 1.
+            tool: T_tip_tool, a tool in the tip for this call, as for `with_tool`; kept for later calls.
+            in_frame: frame of the robot in which the target's poses are given, such as that of a camera, as it stands
+                at q0; without q0 one that does not move.
+            base: T_room_base: where the base stands in the room in which the target's poses are given.
 
         Raises `PoseError`, `ConfigurationError`, `OptionError` for invalid arguments; an outcome is a `Status`.
         """
         seed = SEED_0 if rng is None else checked_seed(rng)
         check_callable(observe, "observe", OptionError)
+        solver = self._for(tool)
+        is_plain = in_frame is None and prefer is None and is_native(q0, (self.robot.n,))
+        start = q0 if is_plain else solver.problem.start(q0)
+        target = solver._in_base(target, start, in_frame, base)
         if prefer is not None or metric is not None:
-            check_preference(prefer, q0, observe)
-            targets = self.problem.target(target)
-            closest = self._closest(targets, posture_at(q0, metric, self.robot), seed)
-            return replace(closest, target_deviation=float(targets.deviations[0]))
-        start = q0 if q0 is None or is_native(q0, (self.robot.n,)) else self._start(q0)
-        return self.engines.solve(target, start, seed, observe)
+            check_preference(prefer, start, observe)
+            targets = solver.problem.target(target)
+            posture = posture_at(start, metric, self.robot)  # type: ignore[arg-type]
+            return replace(solver._closest(targets, posture, seed), target_deviation=float(targets.deviations[0]))
+        return solver.engines.solve(target, start, seed, observe)
 
     def solve_batch(
         self,
@@ -207,6 +256,9 @@ class Solver(Shown):
         progress: Callable[[int, int], object] | None = None,
         prefer: str | None = None,
         metric: Any = None,
+        tool: Any = None,
+        in_frame: str | None = None,
+        base: Any = None,
     ) -> BatchSolution:
         """`solve` for each of N targets: `batch[i].q` is that of `solve(targets[i], q0, rng=seed)`.
 
@@ -218,35 +270,51 @@ class Solver(Shown):
         Args:
             targets: (N, 4, 4), or a sequence of `pin.SE3` and (4, 4) arrays; where tasks of several frames need one,
                 {frame: (N, 4, 4)} or N mappings {frame: pose}.
-            q0: a start (n,) for all, or (N, n) one each; None: as for `solve`.
+            q0: a start (n,) for all, or (N, n) one each, or mappings as for `solve`, in which values may be (N,);
+                None: as for `solve`.
             seed: non-negative integer.
             threads: number of threads of the compiled engine; None: one per processor. No answer depends on it.
             progress: callback, called from this thread with the number of targets that are done and their total.
-            prefer, metric: as for `solve`.
+            prefer, metric, tool, in_frame: as for `solve`.
+            base: T_room_base as for `solve`, or (N, 4, 4) one for each target, or for one target.
 
         Raises `PoseError`, `ConfigurationError` or `OptionError`, naming the target, before anything is solved.
         """
         if threads is not None and not is_count(threads, 1):
             raise OptionError(f"threads must be a positive whole number, got {shown(threads)}")
         check_callable(progress, "progress", OptionError)
-        asked = self.problem.targets(targets)
-        starts = checked_starts(q0, len(asked), self.robot.n)
+        solver = self._for(tool)
+        q = None
+        if in_frame is not None and q0 is not None:
+            count = len(solver.problem.targets(solver._in_base(targets, None, None, None)))
+            q = solver.problem.starts(q0, count)
+        targets = solver._in_base(targets, q, in_frame, base)
+        asked = solver.problem.targets(targets)
+        starts = solver.problem.starts(q0, len(asked))
         words = checked_seed(seed)
         if prefer is None and metric is None:
-            return self.engines.solve_batch(asked, starts, words, threads, progress)
+            return solver.engines.solve_batch(asked, starts, words, threads, progress)
         check_preference(prefer, starts)
         postures = [posture_at(start, metric, self.robot) for start in starts]  # type: ignore[union-attr]
-        batch = BatchSolution.blank(self.engines, self.backend, starts, asked)
+        batch = BatchSolution.blank(solver.engines, self.backend, starts, asked)
         batch.q[:] = self.robot.middle
         for i, is_finite in enumerate(asked.is_finite):
             if is_finite:
-                batch.put(i, self._closest(asked[i], postures[i], words))
+                batch.put(i, solver._closest(asked[i], postures[i], words))
             if progress is not None:
                 progress(i + 1, len(asked))
         batch.refuse(~asked.is_finite)
         return batch
 
-    def solutions(self, target: Any, rng: Rng = None) -> Solutions:
+    def solutions(
+        self,
+        target: Any,
+        rng: Rng = None,
+        *,
+        tool: Any = None,
+        in_frame: str | None = None,
+        base: Any = None,
+    ) -> Solutions:
         """List all configurations within the limits that put the tip at the target, the best first.
 
         They are ranked by the redundancy's first objective, `Posture()` without one. S-R-S arms: in closed form, all
@@ -259,16 +327,19 @@ class Solver(Shown):
         Args:
             target: as for `solve`.
             rng: as for `solve`: generator or seed of the random starts.
+            tool, in_frame, base: as for `solve`.
 
         Raises `PoseError`; `OptionError` for other tasks than one `PoseTask` of the tip, for further limits, and for a
         robot that is no serial chain.
         """
         from maira_qp.solvers.enumeration.all_solutions import all_solutions  # heavy: Numba comes with it
 
-        redundancy, engine = self.redundancy, self.engines.reference
+        solver = self._for(tool)
+        redundancy, engine = solver.redundancy, solver.engines.reference
         objective = Posture() if redundancy is None else redundancy.objectives[0]
-        seed, targets = SEED_0 if rng is None else checked_seed(rng), self.problem.target(target)
-        return all_solutions(engine.context, engine.compiled, targets, objective.of(self.robot), seed)
+        seed = SEED_0 if rng is None else checked_seed(rng)
+        targets = solver.problem.target(solver._in_base(target, None, in_frame, base))
+        return all_solutions(engine.context, engine.compiled, targets, objective.of(solver.robot), seed)
 
     def _closest(self, targets: Targets, posture: Posture, seed: np.ndarray) -> Solution:
         """The nearest of all solutions to a posture, settled there, and of what is found from it.
@@ -299,6 +370,9 @@ class Solver(Shown):
         max_reconfigurations: int = 0,
         loop: bool = False,
         seed: int = 0,
+        tool: Any = None,
+        in_frame: str | None = None,
+        base: Any = None,
     ) -> PathSolution:
         """Follow a path of poses: joint values for each, so that no joint jumps from one pose to the next.
 
@@ -309,7 +383,8 @@ class Solver(Shown):
 
         Args:
             path: N poses as for `solve_batch`.
-            q0: configuration (n,) at the first pose, or near it [rad or m]; None: any.
+            q0: configuration (n,) at the first pose, or near it [rad or m], or {joint name: value} as for `solve`;
+                None: any.
             dt: time from pose to pose [s]: no joint moves by more than its velocity limit times dt.
             max_step: largest joint step from pose to pose, a number, (n,) or {joint name: value} [rad or m]; None, and
                 for joints that are not named: 0.5 rad, or half of the arm's length. With `dt`, both hold.
@@ -317,6 +392,7 @@ class Solver(Shown):
             loop: the path ends at the pose where it begins, and the arm is to end as it began, so that it can go round
                 again.
             seed: non-negative integer; other seeds begin from other configurations.
+            tool, in_frame, base: as for `solve`; the frame as it stands at q0.
 
         The problem must be one that the compiled engine takes, one task of the tip of a chain, or leave the tool free
         to turn about one of its axes: `PoseTask(orientation_weight=[1, 1, 0], axes="target")`. Limits beside those of
@@ -324,7 +400,8 @@ class Solver(Shown):
 
         Raises `PoseError`, `ConfigurationError`, `OptionError`.
         """
-        targets = self.problem.targets(path, "path pose")
+        solver, start = self._for(tool), self.problem.start(q0)
+        targets = solver.problem.targets(solver._in_base(path, start, in_frame, base), "path pose")
         if not targets.is_finite.all():
             raise PoseError(f"the path pose {int(np.flatnonzero(~targets.is_finite)[0])} holds NaN or inf")
         if not is_count(max_reconfigurations, 0):
@@ -332,12 +409,12 @@ class Solver(Shown):
         if not isinstance(loop, (bool, np.bool_)):
             raise OptionError(f"loop must be True or False, got {shown(loop)}")
         checked_seed(seed)
-        rules = Rules(self._largest_step(dt, max_step), int(max_reconfigurations), dt, bool(loop), q0 is not None)
-        if reason := self.engines.path_refusal:
+        rules = Rules(solver._largest_step(dt, max_step), int(max_reconfigurations), dt, bool(loop), q0 is not None)
+        if reason := solver.engines.path_refusal:
             raise OptionError(f"a path is followed by the compiled engine, which cannot take this: {reason}")
         if loop and len(targets):
-            self._check_closed(targets)
-        return self.engines.track(targets, self._start(q0), int(seed), rules)
+            solver._check_closed(targets)
+        return solver.engines.track(targets, start, int(seed), rules)
 
     def _check_closed(self, targets: Targets) -> None:
         """Check that a loop ends at the pose where it begins. Raises `PoseError`."""
@@ -377,22 +454,27 @@ class Solver(Shown):
         velocity: Any = None,
         deadline: float | None = None,
         keep_direction: bool = False,
+        tool: Any = None,
+        in_frame: str | None = None,
+        base: Any = None,
     ) -> Step:
         """Compute one control step of dt [s] from q (n,) toward the target, within all limits.
 
         The hierarchical QP is solved once at q, level by level. A joint outside its limits returns at its limit speed.
 
         Args:
-            q: current configuration (n,) [rad or m].
+            q: current configuration (n,) [rad or m], or {joint name: value}.
             target: as for `solve`.
             dt: length of the tick [s].
-            velocity: current velocity (n,) [rad/s or m/s], that of the last step; needed where the robot has
-                acceleration limits, which are kept relative to it.
+            velocity: current velocity (n,) [rad/s or m/s], or {joint name: value}, that of the last step; needed where
+                the robot has acceleration limits, which are kept relative to it.
             deadline: levels that are not solved after this time [s] are left out; None: all are solved.
             keep_direction: where limits do not allow the motion that the tasks of the first level ask for, scale it,
                 all tasks by the same factor in [0, 1], which may be 0 at a limit of a joint; False: do what is nearest
                 to it by least squares, in whatever direction. Levels below move in the null space as ever. What a joint
                 must do to brake or to come back within limits goes before. By the reference engine.
+            tool, base: as for `solve`.
+            in_frame: as for `solve`, the frame as it stands at q.
 
         Raises `PoseError`, `ConfigurationError`, `OptionError`.
         """
@@ -404,19 +486,23 @@ class Solver(Shown):
             raise OptionError(f"deadline must be a positive number of seconds, got {shown(deadline)}")
         if not isinstance(keep_direction, (bool, np.bool_)):
             raise OptionError(f"keep_direction must be True or False, got {shown(keep_direction)}")
+        solver = self._for(tool)
+        if in_frame is not None:
+            q = self.robot.configuration(q)
+        target = solver._in_base(target, q, in_frame, base)
         by_reference = deadline is not None or keep_direction
-        step = None if by_reference else self.engines.compiled_step(q, target, float(dt), velocity)
+        step = None if by_reference else solver.engines.compiled_step(q, target, float(dt), velocity)
         if step is not None:
             return step
-        n = self.robot.n
+        joints = self.robot.joint_names
         if velocity is None and np.isfinite(self.robot.acceleration_limit).any():
             raise OptionError("limits on the acceleration need the velocity of now: step(..., velocity=last.velocity)")
-        now = np.zeros(n) if velocity is None else real_array(velocity, (n,), "velocity", ConfigurationError)
-        targets, q = self.problem.target(target), real_array(q, (n,), "q", ConfigurationError)
-        step = None if by_reference else self.engines.compiled_step(q, targets.poses(), float(dt), now)
+        now = np.zeros(len(joints)) if velocity is None else joint_array(velocity, joints, "velocity")
+        targets, q = solver.problem.target(target), joint_array(q, joints, "q")
+        step = None if by_reference else solver.engines.compiled_step(q, targets.poses(), float(dt), now)
         if step is not None:  # all that was amiss was the kind of the arrays
             return step
-        return self.engines.reference_step(q, targets, Tick(float(dt), now), deadline, bool(keep_direction))
+        return solver.engines.reference_step(q, targets, Tick(float(dt), now), deadline, bool(keep_direction))
 
     def engine_for(
         self, verb: str = "solve", *, observe: bool = False, deadline: bool = False, keep_direction: bool = False
@@ -433,9 +519,6 @@ class Solver(Shown):
         if not isinstance(verb, str) or verb not in VERBS:
             raise OptionError(f"no engine for {shown(verb)}; {listed(VERBS, verb)}")
         return self.engines.choice(verb, observe=observe, deadline=deadline, keep_direction=keep_direction)
-
-    def _start(self, q0: Any) -> np.ndarray | None:
-        return None if q0 is None else real_array(q0, (self.robot.n,), "q0", ConfigurationError)
 
 
 def _frame_of(task: Task) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 
 from maira_qp.arrays import is_listing, real_array
 from maira_qp.errors import OptionError, listed, shown
+from maira_qp.robots.model.joint_values import joint_values
 from maira_qp.robots.unit_hints import degrees_hint_of_angles
 
 ENDLESS = 1e16
@@ -56,6 +57,11 @@ class JointLimits:
         made = replace(self, lower=ends[0], upper=ends[1], velocity=speed, acceleration=change)
         made._check_ends()
         return made._within(room)
+
+    def of(self, joint_names: tuple[str, ...]) -> JointLimits:
+        """Those of some of the joints, in their order."""
+        k = [self.joint_names.index(name) for name in joint_names]
+        return JointLimits(joint_names, self.lower[k], self.upper[k], self.velocity[k], self.acceleration[k])
 
     def _within(self, margin: np.ndarray) -> JointLimits:
         """These, margins (n,) [rad, or m] taken off both ends. Raises `OptionError` that says the largest valid one."""
@@ -104,24 +110,6 @@ class JointLimits:
         """Raises `OptionError` that names the first joint where (n,) something is wrong, with its values."""
         for i in np.flatnonzero(where):
             raise OptionError(f"joint {self.joint_names[i]!r}: {reason.format(*(float(value[i]) for value in values))}")
-
-
-def joint_values(joint_names: tuple[str, ...], wish: Any, key: str, default: np.ndarray) -> np.ndarray:
-    """A number for all joints, one each, or {joint name: value} as an array (n,), infinities among it.
-
-    Joints that are not named have the default (n,). Raises `OptionError` that calls the values by a `key`.
-    """
-    if isinstance(wish, Mapping):
-        values = default.copy()
-        for joint, value in wish.items():
-            if joint not in joint_names:
-                known = listed(joint_names, joint)
-                raise OptionError(f"{key}: {shown(joint)} is not a joint that moves on its own; {known}")
-            name = f"{key} of joint {joint!r}"
-            values[joint_names.index(joint)] = real_array(value, (), name, OptionError, finite=False)
-        return values
-    shape = () if np.isscalar(wish) or (isinstance(wish, np.ndarray) and not wish.ndim) else default.shape
-    return np.broadcast_to(real_array(wish, shape, key, OptionError, finite=False), default.shape)
 
 
 def given_limits(limits: Limits | None, known: Iterable[str]) -> dict[str, tuple[float, float]]:

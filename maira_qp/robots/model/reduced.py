@@ -7,7 +7,8 @@ left as it is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +20,14 @@ from maira_qp.robots.model.frame_names import known_frame, named_tips
 from maira_qp.robots.model.joint_limits import ENDLESS, JointLimits, Limits, given_limits
 from maira_qp.robots.model.joint_types import is_unbounded, one_number
 from maira_qp.robots.model.kinematics import MAX_JOINTS
-from maira_qp.robots.model.pinocchio_versions import check_mimic, copy_velocity_arrays, mimic_couplings, mimic_joint
+from maira_qp.robots.model.pinocchio_versions import (
+    check_mimic,
+    copy_velocity_arrays,
+    mimic_couplings,
+    mimic_joint,
+    model_from_pickle,
+    model_to_pickle,
+)
 
 Couplings = Mapping[str, tuple[str, float, float]]
 """Followers by name, each with its leader, multiplier and offset: q = multiplier * q_leader + offset."""
@@ -37,14 +45,28 @@ class Reduced(NamedTuple):
     mimic: dict[str, tuple[str, float, float]]
     base: str
     tips: tuple[str, ...]
+    resting: Mapping[str, tuple[float, float]] = {}
+    """Limits [rad, or m] of the joints that could stand elsewhere, of followers their leaders alone."""
+
+    def __reduce__(self) -> tuple[Callable[..., Reduced], tuple[object, ...]]:
+        return _unpickled, (*model_to_pickle(self.model), *self[1:])
+
+    @property
+    def independent(self) -> list[int]:
+        """Places in q of the joints that are no followers."""
+        return independent(self.model, self.mimic)
 
     @property
     def limits(self) -> JointLimits:
         """Limits of the joints that are no followers; a model has none of acceleration."""
-        model, places = self.model, independent(self.model, self.mimic)
+        model, places = self.model, self.independent
         positions = model.lowerPositionLimit[places], model.upperPositionLimit[places]
         names = tuple(model.names[place + 1] for place in places)
         return JointLimits(names, *positions, model.velocityLimit[places], np.full(len(places), np.inf))
+
+
+def _unpickled(model: pin.Model, arrays: dict[str, np.ndarray], *rest: Any) -> Reduced:
+    return Reduced(model_from_pickle(model, arrays), *rest)
 
 
 def frames_of(model: pin.Model) -> dict[str, int]:
@@ -65,11 +87,14 @@ def reduced(
     base: str | None = None,
     limits: Limits | None = None,
     mimic: Couplings | None = None,
+    rest: Mapping[str, float] | None = None,
 ) -> Reduced:
     """The joints from `base` (None: the universe) to `tip` (None: the only frame at the end of the joints).
 
     `limits` {joint name: (lower, upper)} take the place of the model's, `mimic` couples joints beside those that are
-    coupled in the model. Raises `RobotError`, `FrameError`, `OptionError` as `Robot.from_model`.
+    coupled in the model, `rest` {joint name: value} places joints that do not move.
+
+    Raises `RobotError`, `FrameError`, `OptionError` as `Robot.from_model`.
     """
     if not isinstance(model, pin.Model):
         raise RobotError(f"model must be a pinocchio.Model, got {shown(model)}; a URDF goes to Robot.from_urdf")
@@ -85,15 +110,58 @@ def reduced(
     moving = _moving(model, paths, couplings, below - {root.parentJoint})
     kinds = {j: one_number(model, j) for j in sorted(moving)}
     ranges = _ranges(model, {j: kind for j, kind in kinds.items() if j not in couplings}, limits)
-    rest = None if moving == below - {root.parentJoint} else _at_rest(model, couplings)
-    new = _built(model, root, sorted(below), kinds, rest, {})
+    still = below - {root.parentJoint} - moving
+    placed = _at_rest(model, couplings, rest or {}) if still else None
+    new = _built(model, root, sorted(below), kinds, placed, {})
     pairs = [ranges.get(name, (-np.inf, np.inf)) for name in new.names[1:]]
     new.lowerPositionLimit, new.upperPositionLimit = np.transpose(pairs)
     for key in ("velocityLimit", "effortLimit"):
         setattr(new, key, _bounds(new, key))
     _check_finite(new)
     kept = {model.names[j]: (model.names[couplings[j][0]], *couplings[j][1:]) for j in kinds if j in couplings}
-    return Reduced(new, kept, base, tips)
+    resting = {model.names[j]: _range(model, j) for j in sorted(still.difference(couplings)) if _is_scalar(model, j)}
+    return Reduced(new, kept, base, tips, resting)
+
+
+def plain(model: pin.Model, mimic: Couplings | None, part: Reduced) -> Reduced:
+    """All of a model, of which a part was made, each joint moved by a number of its own, with what is coupled in it.
+
+    Joints of other types are fixed. So it can be pickled, which Pinocchio's mimic joints cannot.
+    """
+    model = _with_frames(model)
+    couplings = _couplings(model, mimic)
+    kinds = dict[int, pin.JointModel]()
+    for j in range(1, model.njoints):
+        with contextlib.suppress(RobotError):
+            kinds[j] = one_number(model, j)
+    new = _built(model, model.frames[0], list(range(model.njoints)), kinds, _at_rest(model, couplings, {}), {})
+    own = [_range(model, j) if model.joints[j].nq else (-np.inf, np.inf) for j in kinds]
+    new.lowerPositionLimit, new.upperPositionLimit = np.reshape(own, (-1, 2)).T
+    left = {j: coupling for j, coupling in couplings.items() if j in kinds and coupling[0] in kinds}
+    named = {model.names[j]: (model.names[leader], m, offset) for j, (leader, m, offset) in left.items()}
+    return part._replace(model=new, mimic=named)
+
+
+def locked(part: Reduced, values: Mapping[str, float]) -> Reduced:
+    """The part with some of its joints fixed at values [rad, or m], and what follows them where that leads to.
+
+    Raises `RobotError` if nothing moves a tip any more.
+    """
+    model, mimic = part.model, part.mimic
+    followed = {name: coupling for name, coupling in mimic.items() if coupling[0] in values}
+    placed = {**values, **{name: m * values[leader] + offset for name, (leader, m, offset) in followed.items()}}
+    kinds = {j: model.joints[j] for j in range(1, model.njoints) if model.names[j] not in placed}
+    for tip in part.tips:
+        joint = model.frames[frames_of(model)[tip]].parentJoint
+        if not set(model.supports[joint]) & set(kinds):
+            raise RobotError(f"no joint is left that moves the tip {tip!r}; leave one of those before it unlocked")
+    data = model.createData()
+    pin.forwardKinematics(model, data, np.array([placed.get(name, 0.0) for name in model.names[1:]]))
+    new = _built(model, model.frames[0], list(range(model.njoints)), kinds, data, {})
+    places = [j - 1 for j in kinds]
+    new.lowerPositionLimit, new.upperPositionLimit = model.lowerPositionLimit[places], model.upperPositionLimit[places]
+    left = {name: coupling for name, coupling in mimic.items() if name not in placed}
+    return Reduced(new, left, part.base, part.tips)
 
 
 def coupled(model: pin.Model, mimic: Couplings) -> pin.Model:
@@ -245,20 +313,37 @@ def _bounds(model: pin.Model, key: str) -> np.ndarray:
     return np.where((values > 0) & (values <= ENDLESS), values, np.inf)
 
 
-def _at_rest(model: pin.Model, couplings: Mapping[int, tuple[int, float, float]]) -> pin.Data:
-    """Pinocchio's data in which `liMi` places the joints that do not move."""
+def _is_scalar(model: pin.Model, joint: int) -> bool:
+    """Whether one number says where a joint stands, be it as cosine and sine."""
+    return model.joints[joint].nq == 1 or is_unbounded(model.joints[joint])
+
+
+def _at_rest(
+    model: pin.Model, couplings: Mapping[int, tuple[int, float, float]], rest: Mapping[str, float]
+) -> pin.Data:
+    """Pinocchio's data in which `liMi` places the joints that do not move: at `rest`, else at zero, or near it."""
     q = pin.neutral(model)
     scalar = [j for j in range(1, model.njoints) if model.joints[j].nq == 1]
     for j in scalar:
         lower, upper = _range(model, j)
         q[model.joints[j].idx_q] = min(max(0.0, lower), upper) if lower <= upper else 0.0
+    for name, value in rest.items():
+        joint = model.joints[model.getJointId(name)]
+        q[joint.idx_q : joint.idx_q + joint.nq] = [value] if joint.nq == 1 else [np.cos(value), np.sin(value)]
     for j, (leader, multiplier, offset) in couplings.items():
         if j in scalar:  # mimic joints of Pinocchio follow by themselves
-            rest = float(q[model.joints[leader].idx_q]) if leader in scalar else 0.0
-            q[model.joints[j].idx_q] = multiplier * rest + offset
+            of_leader = rest.get(model.names[leader], _value(q, model.joints[leader]))
+            q[model.joints[j].idx_q] = multiplier * of_leader + offset
     data = model.createData()
     pin.forwardKinematics(model, data, q)
     return data
+
+
+def _value(q: np.ndarray, joint: pin.JointModel) -> float:
+    """Where a joint of one number stands, 0 for others."""
+    if joint.nq == 1:
+        return float(q[joint.idx_q])
+    return float(np.arctan2(q[joint.idx_q + 1], q[joint.idx_q])) if is_unbounded(joint) else 0.0
 
 
 # The new model

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.arrays import real_array
 from maira_qp.display import Card, Shown, joint_entries
 from maira_qp.errors import ConfigurationError, OptionError, RobotError, shown
 from maira_qp.robots.dh.table import Convention, DHLink, DHTable
 from maira_qp.robots.model import catalog
 from maira_qp.robots.model.configuration import Configuration
+from maira_qp.robots.model.edits import Base, Edit, Locked, edited, new_frame, placed_values, placement, tools
 from maira_qp.robots.model.joint_limits import JointLimits
+from maira_qp.robots.model.joint_values import joint_array, joint_order
 from maira_qp.robots.model.kinematics import Kinematics
-from maira_qp.robots.model.pinocchio_versions import model_from_pickle, model_to_pickle
-from maira_qp.robots.model.reduced import Couplings, Reduced, coupled, frames_of, independent, reduced
-from maira_qp.robots.model.sources import DHSource, Source, URDFSource
+from maira_qp.robots.model.reduced import Couplings, Reduced, coupled, frames_of, plain, reduced
+from maira_qp.robots.model.sources import Description, DHSource, ModelSource, Source, URDFSource
 from maira_qp.robots.urdf.model import model_of
 from maira_qp.robots.urdf.reader import Chain, read_urdf
 from maira_qp.robots.urdf.writer import urdf_text
@@ -34,7 +35,8 @@ class Robot(Shown):
 
     It does not change, and threads may share it.
 
-    Angles are in rad, lengths in m. `q` is a configuration (n,), in the order of `joint_names`.
+    Angles are in rad, lengths in m. `q` is a configuration (n,), in the order of `joint_names`, or a mapping
+    {joint name: value} of all joints; names that no joint has raise `ConfigurationError`.
     """
 
     model: pin.Model
@@ -77,19 +79,11 @@ class Robot(Shown):
     dh: DHTable | None
     """The DH table that the robot was made from, if it was."""
 
-    def __init__(
-        self,
-        model: pin.Model,
-        mimic: Couplings,
-        name: str,
-        base: str,
-        tips: tuple[str, ...],
-        acceleration: np.ndarray,
-        source: Source | None,
-    ) -> None:
-        """From a model whose joints all move, and in which followers move on their own; use `from_model`."""
-        self._uncoupled, self._mimic, self._source = model, mimic, source
-        self.model = coupled(model, mimic)
+    def __init__(self, part: Reduced, name: str, acceleration: np.ndarray, description: Description) -> None:
+        """From a part of a model, accelerations (n,) and a description of it; use `from_model`."""
+        self._part, self._description = part, description
+        mimic, base, tips = part.mimic, part.base, part.tips
+        self.model = coupled(part.model, mimic)
         links = frames_of(self.model)
         frames = {base: links.get(base, 0), **links}  # the universe is no link
         self.name, self.base, self.tip, self.tips = name, base, tips[0], tips
@@ -109,7 +103,7 @@ class Robot(Shown):
         self.drawn_range = np.where(turns, -np.pi, self.lower), np.where(turns, np.pi, self.upper)
         self.middle = 0.5 * self.drawn_range[0] + 0.5 * self.drawn_range[1]
         self.middle.setflags(write=False)
-        self.dh = None if source is None else source.dh
+        self.dh = description.dh(self._limits)
         self.kinematics = Kinematics(self.model, frames, self.tip, self.name)
         ends = [self.model.frames[self.frame_id(tip)] for tip in self.tips]
         self.length = max(_length(self.model, end, self.drawn_range) for end in ends)
@@ -132,6 +126,7 @@ class Robot(Shown):
         name: str | None = None,
         acceleration: Any = None,
         mimic: Couplings | None = None,
+        tool: Any = None,
     ) -> Robot:
         """From a Pinocchio model, which is copied; `from_urdf` and `from_dh` make one.
 
@@ -149,6 +144,7 @@ class Robot(Shown):
             name: of the robot; None: the model's.
             acceleration: largest accelerations (n,) [rad/s^2, or m/s^2], as in `limited`: no model holds them.
             mimic: {follower: (leader, multiplier, offset)} of joints that are not mimic joints in the model.
+            tool: pose of a tool in the tip, or {tip: pose}, as for `with_tool`; None: the tip is the tool.
 
         Raises `RobotError` for a model that cannot be used: joints of other types on the way, such as a free-flyer,
         limits that are inverted, NaN or missing, nothing that moves; `FrameError` for a tip or base that is not a
@@ -159,12 +155,13 @@ class Robot(Shown):
             name = model.name or "robot"
         elif not isinstance(name, str) or not name.strip():
             raise RobotError(f"a robot's name must be text that is not empty, got {shown(name)}")
-        return cls._of_part(part, name, acceleration, None)
+        source = ModelSource(plain(model, mimic, part), limits)
+        return cls._of_part(part, name, acceleration, source)._with_tool(tool)
 
     @classmethod
-    def _of_part(cls, part: Reduced, name: str, acceleration: Any, source: Source | None) -> Robot:
+    def _of_part(cls, part: Reduced, name: str, acceleration: Any, source: Source) -> Robot:
         wanted = part.limits.limited(None, None, None, acceleration, 0.0)
-        return cls(part.model, part.mimic, name, part.base, part.tips, wanted.acceleration, source)
+        return cls(part, name, wanted.acceleration, Description(source))
 
     @classmethod
     def _of_chain(cls, chain: Chain, source: Source) -> Robot:
@@ -179,6 +176,7 @@ class Robot(Shown):
         name: str | None = None,
         *,
         convention: Convention | None = None,
+        tool: Any = None,
     ) -> Robot:
         """From a DH table or its links; the base is `base_link`, the tip `tool0`.
 
@@ -186,13 +184,14 @@ class Robot(Shown):
             links: the table, or `DHLink`s, or mappings of their fields.
             name: of the robot; None: the table's.
             convention: "standard" (distal) or "modified" (Craig's); None: the table's, of links the standard one.
+            tool: pose of a tool in the tip, as for `with_tool`; None: the tip is the tool.
 
-        Raises `RobotError`.
+        Raises `RobotError`; `PoseError` for the tool.
         """
         table = links if isinstance(links, DHTable) else DHTable(links, convention=convention or "standard")
         if name is not None or convention is not None:
             table = DHTable(table.links, table.name if name is None else name, convention or table.convention)
-        return cls._of_chain(read_urdf(urdf_text(table)), DHSource(table))
+        return cls._of_chain(read_urdf(urdf_text(table)), DHSource(table))._with_tool(tool)
 
     @classmethod
     def from_urdf(
@@ -202,6 +201,7 @@ class Robot(Shown):
         base: str | None = None,
         *,
         limits: Mapping[str, tuple[float, float]] | None = None,
+        tool: Any = None,
     ) -> Robot:
         """From a URDF file, or from URDF text; the tip None is the only leaf, the base None the root.
 
@@ -209,7 +209,7 @@ class Robot(Shown):
         share is there once. One tip may be on the way to another, or the way may go up to a common link and down
         again, as from hand to hand: then the tree is turned round, and each joint on the way up has a link
         `<joint>_origin` beside it, which is where it stands on its parent. Joints that are not between base and tip
-        are fixed at zero. Meshes are not opened.
+        are fixed at zero, and elsewhere by `at_rest`. Meshes are not opened.
 
         Args:
             source: path, or text that begins with `<`.
@@ -217,13 +217,15 @@ class Robot(Shown):
             base: link that poses are relative to.
             limits: {joint name: (lower, upper)} [rad, or m] in place of those in the description, for joints that have
                 none, or wrong ones; a continuous joint that is given some is revolute.
+            tool: pose of a tool in the tip, or {tip: pose}, as for `with_tool`; None: the tip is the tool.
 
         What the joints that move do not need cannot refuse a description; it is logged. Raises `RobotError` for a
         description that cannot be used, or a tip that no joint moves; `FrameError` for a tip or base that is not a
         suitable link, and for tips that are repeated; `OptionError` for limits of no joint, or inverted ones.
         """
         chain = read_urdf(source, tip=tip, base=base, limits=limits)
-        return cls._of_chain(chain, URDFSource(chain.urdf, chain.tips, chain.base))
+        read = URDFSource(chain.urdf, chain.tips, chain.base, chain.resting)
+        return cls._of_chain(chain, read)._with_tool(tool)
 
     @classmethod
     def maira(cls) -> Robot:
@@ -275,7 +277,16 @@ class Robot(Shown):
 
     def _with(self, limits: JointLimits) -> Robot:
         """The same robot with other limits."""
-        model, places = self._uncoupled.copy(), independent(self._uncoupled, self._mimic)
+        return self._made(self._part, replace(self._description, is_limited=True), limits)
+
+    def _edited(self, *edits: Edit) -> Robot:
+        """The same robot with changes."""
+        description = replace(self._description, edits=(*self._description.edits, *edits))
+        return self._made(edited(edits, self._part), description, self._limits)
+
+    def _made(self, part: Reduced, description: Description, limits: JointLimits) -> Robot:
+        """A robot of the same name, with those of the limits that belong to its joints."""
+        limits, model, places = limits.of(part.limits.joint_names), part.model.copy(), part.independent
         wanted = {
             "lowerPositionLimit": limits.lower,
             "upperPositionLimit": limits.upper,
@@ -285,8 +296,65 @@ class Robot(Shown):
             array = np.array(getattr(model, key))
             array[places] = values
             setattr(model, key, array)
-        source = None if self._source is None else self._source.limited(limits)
-        return Robot(model, self._mimic, self.name, self.base, self.tips, limits.acceleration, source)
+        return Robot(part._replace(model=model), self.name, limits.acceleration, description)
+
+    def with_tool(self, tool: Any, name: Any = "tool") -> Robot:
+        """The same robot with another tip: a new frame, at the pose `tool` in the old one.
+
+        The old tip stays a frame among others, and a further tool stands in the one before it. In `urdf`, exports and
+        the viewer the tool is a link that is fixed to the old tip.
+
+        Args:
+            tool: T_tip_tool [m], `pin.SE3` or (4, 4); of several tips {tip: T}, which leaves others as they are.
+            name: of the new frame; for a mapping of several {tip: name}, without which they are `<tip>_tool`.
+
+        Raises `PoseError`; `FrameError` for what is no tip, and for a name that a link has.
+        """
+        return self._edited(*tools(tool, name, self.tips, self.frames))
+
+    def _with_tool(self, tool: Any) -> Robot:
+        return self if tool is None else self.with_tool(tool)
+
+    def with_base(self, base: Any, name: str = "world") -> Robot:
+        """The same robot with another base: poses are relative to a new frame, in which the old base stands at `base`.
+
+        Args:
+            base: T_new_old [m], `pin.SE3` or (4, 4).
+            name: of the new base.
+
+        Raises `PoseError`; `FrameError` for a name that a link has.
+        """
+        pose = placement(base, "base")
+        return self._edited(Base(self.base, new_frame(name, self.frames, "name="), pose))
+
+    def locked(self, values: Mapping[str, float]) -> Robot:
+        """The same robot with fewer joints: some stand at values {joint name: value} [rad, or m] from now on.
+
+        Joints that mimic them stand where that leads them.
+
+        Raises `OptionError` for a joint that does not move, or a value outside its range; `RobotError` if no joint is
+        left that moves a tip.
+        """
+        ranges = dict(zip(self.joint_names, zip(self.lower.tolist(), self.upper.tolist(), strict=True), strict=True))
+        return self._edited(Locked(placed_values(values, ranges, "locked", self._follows)))
+
+    def at_rest(self, values: Mapping[str, float]) -> Robot:
+        """The same robot with joints placed that do not move, those of the other arm, say, {joint name: value}.
+
+        Joints that are not between the base and the tips stand at zero, or at their limit nearest to it, unless they
+        are placed here [rad, or m]; those that mimic a placed one stand where that leads them. The joints that move are
+        the same as before, so that nothing becomes slower.
+
+        Raises `OptionError` for a joint that moves, or is locked, or follows another, or a value outside its range.
+        """
+        source = self._description.source.at_rest(values, self.joint_names)
+        description = replace(self._description, source=source)
+        return self._made(description.part, description, self._limits)
+
+    def _follows(self, name: str) -> str:
+        """What a joint that mimics another does; nothing for one that does not."""
+        mimic = self._part.mimic
+        return f"the joint {name!r} follows {mimic[name][0]!r}, which can be locked" if name in mimic else ""
 
     @cached_property
     def urdf(self) -> str:
@@ -294,12 +362,7 @@ class Robot(Shown):
 
         Raises `RobotError` where the robot was made from a Pinocchio model, which holds no shapes.
         """
-        if self._source is None:
-            raise RobotError(
-                f"{self.name!r} was made from a Pinocchio model, of which there is no URDF; with its URDF use "
-                "Robot.from_urdf"
-            )
-        return self._source.urdf()
+        return self._description.urdf(self.tips, self.base, self._limits)
 
     @cached_property
     def tree(self) -> KinematicTree:
@@ -315,6 +378,29 @@ class Robot(Shown):
     def chain(self) -> np.ndarray:
         """The chain (n + 1, 17) for the kernels, where `is_chain`. Not to be written to."""
         return self.tree.chain()
+
+    def configuration(self, values: Any, default: Any = None) -> np.ndarray:
+        """A configuration (n,) [rad or m] from an array (n,) or a mapping {joint name: value}.
+
+        Args:
+            values: joint values; a mapping may leave out joints if there is a default.
+            default: configuration whose values the joints keep that a mapping does not name; None: all must be named.
+
+        Raises `ConfigurationError`, which lists the joints that are missing, or those that there are.
+        """
+        return self._checked(values, "q", None if default is None else self._checked(default, "default"))
+
+    def joints(self, q: Any) -> dict[str, float]:
+        """The values of a configuration by the names of the joints. Raises `ConfigurationError`."""
+        return dict(zip(self.joint_names, self._checked(q).tolist(), strict=True))
+
+    def order(self, names: Iterable[str]) -> np.ndarray:
+        """Where each joint of the robot is in a list of names: indices (n,), so that `q = values[robot.order(names)]`.
+
+        For values that come with names in another order, such as a `JointState` of ROS: `names` may hold joints that
+        are not the robot's. Raises `OptionError` if a joint of the robot is missing, or is named twice.
+        """
+        return joint_order(names, self.joint_names)
 
     def integrate(self, q: Any, dq: Any) -> np.ndarray:
         """The configuration (n,) that the displacement dq (n,) [rad, or m] leads to from q (n,): here q + dq.
@@ -344,6 +430,14 @@ class Robot(Shown):
         Raises `ConfigurationError`, `FrameError`.
         """
         return self.at(self._checked(q)).jacobian(frame).copy()
+
+    def jacobian_derivative(self, q: Any, frame: str | None = None) -> np.ndarray:
+        """Derivative (n, 6, n) of a frame's Jacobian (None: the tip) at q (n,): entry [i] is dJ/dq_i, base axes.
+
+        At a joint velocity v the Jacobian changes at the rate `np.tensordot(v, derivative, 1)`. Exact, but with mimic
+        joints, where it is by central differences, to about 1e-10. Raises `ConfigurationError`, `FrameError`.
+        """
+        return self.at(self._checked(q)).jacobian_derivative(frame)
 
     def jacobians(self, q: np.ndarray) -> np.ndarray:
         """Jacobians (N, 6, n) of the tip at configurations q (N, n), unchecked: `jacobian`, many at once."""
@@ -378,16 +472,28 @@ class Robot(Shown):
             raise OptionError(f"rng must be a numpy.random.Generator, such as default_rng(0), got {shown(rng)}")
         return drawn(rng, *self.drawn_range)
 
-    def clip(self, q: Any) -> np.ndarray:
-        """The configuration (n,) within the limits that is nearest to q (n,). Raises `ConfigurationError`."""
+    @overload
+    def clip(  # pyright: ignore[reportOverlappingOverload]
+        self, q: Mapping[str, float]
+    ) -> dict[str, float]: ...
+
+    @overload
+    def clip(self, q: Any) -> np.ndarray: ...
+
+    def clip(self, q: Any) -> Any:
+        """The configuration (n,) within the limits that is nearest to q (n,); of a mapping, which need not name all
+        joints, the same joints by name. Raises `ConfigurationError`."""
+        if isinstance(q, Mapping):
+            clipped = np.clip(self._checked(q, default=self.middle), self.lower, self.upper)
+            return {name: float(clipped[self.joint_names.index(name)]) for name in q}
         return np.clip(self._checked(q), self.lower, self.upper)
 
     def frame_id(self, frame: str | None) -> int:
         """Pinocchio's index of a frame (None: the tip). Raises `FrameError`."""
         return self.kinematics.frame_id(frame)
 
-    def _checked(self, q: Any, name: str = "q") -> np.ndarray:
-        return real_array(q, (self.n,), name, ConfigurationError)
+    def _checked(self, q: Any, name: str = "q", default: np.ndarray | None = None) -> np.ndarray:
+        return joint_array(q, self.joint_names, name, ConfigurationError, default)
 
     @property
     def title(self) -> str:
@@ -418,9 +524,10 @@ class Robot(Shown):
             return NotImplemented
         if self is other or self._traits != other._traits:
             return self is other
-        if self._source is not None and other._source is not None:
+        if self._description.source.has_urdf and other._description.source.has_urdf:
             return self.urdf == other.urdf
-        return self._source is other._source and self._mimic == other._mimic and self._uncoupled == other._uncoupled
+        mine, others = self._part, other._part
+        return type(self._description.source) is type(other._description.source) and mine[:2] == others[:2]
 
     def __hash__(self) -> int:
         return hash(self._traits)
@@ -432,16 +539,8 @@ class Robot(Shown):
         arrays = limits.lower, limits.upper, limits.velocity, limits.acceleration
         return self.name, self.base, self.tips, self.joint_names, *(tuple(array.tolist()) for array in arrays)
 
-    def __reduce__(self) -> tuple[Callable[..., Robot], tuple[object, ...]]:
-        model = model_to_pickle(self._uncoupled)
-        return _unpickled, (
-            *model,
-            *(self._mimic, self.name, self.base, self.tips, self.acceleration_limit, self._source),
-        )
-
-
-def _unpickled(model: pin.Model, arrays: dict[str, np.ndarray], *rest: Any) -> Robot:
-    return Robot(model_from_pickle(model, arrays), *rest)
+    def __reduce__(self) -> tuple[type[Robot], tuple[object, ...]]:
+        return Robot, (self._part, self.name, self.acceleration_limit, self._description)
 
 
 def drawn(rng: np.random.Generator, lower: np.ndarray, upper: np.ndarray, *count: int) -> np.ndarray:

@@ -1,14 +1,21 @@
-"""What a robot was imported from, beside its model: the text of its URDF, with the limits that it has now."""
+"""What a robot was loaded from, and what it was changed by since: its description as URDF follows from both."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 from xml.etree import ElementTree
 
+from maira_qp.errors import RobotError
 from maira_qp.robots.dh.table import DHTable
-from maira_qp.robots.model.joint_limits import JointLimits
+from maira_qp.robots.model.edits import Edit, edited, placed_values, words
+from maira_qp.robots.model.joint_limits import JointLimits, Limits
+from maira_qp.robots.model.reduced import Reduced, reduced
+from maira_qp.robots.urdf.joint import Joint, fixed_at, turned_round
+from maira_qp.robots.urdf.model import model_of
 from maira_qp.robots.urdf.reader import read_urdf
 from maira_qp.robots.urdf.writer import urdf_text
 
@@ -17,39 +24,65 @@ FOLLOWING = 1e-9
 
 
 class Source(ABC):
-    """A description that holds more than a model does, such as shapes."""
+    """A description that a robot can be loaded from again."""
 
-    dh: DHTable | None
+    dh: DHTable | None = None
     """The DH table, if it is one."""
+    has_urdf = True
 
     @abstractmethod
-    def urdf(self) -> str:
-        """The description as normalised URDF, see `maira_qp.robots.urdf.reader.Chain`."""
+    def text(self) -> str:
+        """The description as normalised URDF, see `maira_qp.robots.urdf.reader.Chain`. Raises `RobotError`."""
 
     @abstractmethod
-    def limited(self, limits: JointLimits) -> Source:
-        """The same with other limits of its joints."""
+    def part(self) -> Reduced:
+        """The model."""
+
+    @abstractmethod
+    def at_rest(self, values: Any, moving: tuple[str, ...]) -> Source:
+        """The same with joints that do not move placed at values; `moving` are those that do. Raises `OptionError`."""
 
 
 @dataclass(frozen=True)
 class URDFSource(Source):
-    """Normalised URDF, and limits that are to be written into it."""
+    """Normalised URDF."""
 
-    text: str
+    normalised: str
     tips: tuple[str, ...]
     base: str
-    limits: JointLimits | None = None
-    dh = None
+    resting: Mapping[str, Joint] = field(default_factory=dict)
+    """See `maira_qp.robots.urdf.reader.Chain`"""
 
-    def urdf(self) -> str:
-        """The text with the limits in it."""
-        if self.limits is None:
-            return self.text
-        return read_urdf(limited_urdf(self.text, self.limits), tip=self.tips, base=self.base).urdf
+    def text(self) -> str:
+        """The text."""
+        return self.normalised
 
-    def limited(self, limits: JointLimits) -> URDFSource:
-        """The same text, and limits that are written when it is asked for."""
-        return replace(self, limits=limits)
+    def part(self) -> Reduced:
+        """By the reader."""
+        model, mimic = model_of(read_urdf(self.normalised, tip=self.tips, base=self.base))
+        return reduced(model, self.tips, self.base, None, mimic)
+
+    def at_rest(self, values: Any, moving: tuple[str, ...]) -> URDFSource:
+        """With the origins of the fixed joints moved to where the values lead."""
+        joints = self.resting
+        ranges = {name: (joint.lower, joint.upper) for name, joint in joints.items() if joint.mimic is None}
+        leaders = {name: joint.mimic[0] for name, joint in joints.items() if joint.mimic is not None}
+        placed = placed_values(values, ranges, "at_rest", lambda name: _not_at_rest(name, moving, leaders))
+        for name, joint in joints.items():
+            if joint.mimic is not None and joint.mimic[0] in placed:
+                leader, multiplier, offset = joint.mimic
+                placed[name] = multiplier * placed[leader] + offset
+        root = ElementTree.fromstring(self.normalised)
+        for element in root.findall("joint"):
+            if (joint := joints.get(element.attrib["name"])) is not None and joint.name in placed:
+                fixed = fixed_at(joint, placed[joint.name])
+                parent, origin = element.find("parent"), element.find("origin")
+                assert parent is not None
+                assert origin is not None
+                if parent.get("link") != joint.parent:
+                    fixed = turned_round(fixed)
+                origin.attrib |= {"xyz": words(fixed.xyz), "rpy": words(fixed.rpy)}
+        return replace(self, normalised=ElementTree.tostring(root, encoding="unicode"))
 
 
 @dataclass(frozen=True)
@@ -58,13 +91,91 @@ class DHSource(Source):
 
     dh: DHTable  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    def urdf(self) -> str:
+    def text(self) -> str:
         """The URDF that is written from the table."""
         return read_urdf(urdf_text(self.dh)).urdf
 
-    def limited(self, limits: JointLimits) -> DHSource:
-        """The table with other limits."""
-        return DHSource(limited_table(self.dh, limits))
+    def part(self) -> Reduced:
+        """By way of the URDF."""
+        chain = read_urdf(urdf_text(self.dh))
+        model, mimic = model_of(chain)
+        return reduced(model, chain.tips, chain.base, None, mimic)
+
+    def at_rest(self, values: Any, moving: tuple[str, ...]) -> DHSource:
+        """All of its joints move."""
+        placed_values(values, {}, "at_rest", lambda name: _not_at_rest(name, moving, {}))
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class ModelSource(Source):
+    """A Pinocchio model."""
+
+    whole: Reduced
+    """See `maira_qp.robots.model.reduced.plain`"""
+    limits: Limits | None
+    """In place of those of the model"""
+    rest: Mapping[str, float] = field(default_factory=dict)
+    """Where joints stand that do not move"""
+    has_urdf = False
+
+    def text(self) -> str:
+        """There is none."""
+        raise RobotError(
+            f"{self.whole.model.name!r} was made from a Pinocchio model, of which there is no URDF; with its URDF use "
+            "Robot.from_urdf"
+        )
+
+    def part(self) -> Reduced:
+        """The part of the model."""
+        model, mimic, base, tips, _ = self.whole
+        return reduced(model, tips, base, self.limits, mimic, self.rest)
+
+    def at_rest(self, values: Any, moving: tuple[str, ...]) -> ModelSource:
+        """With other values."""
+        placed = placed_values(values, self.whole.resting, "at_rest", lambda name: _not_at_rest(name, moving, {}))
+        return replace(self, rest={**self.rest, **placed})
+
+
+def _not_at_rest(name: str, moving: tuple[str, ...], leaders: Mapping[str, str]) -> str:
+    """Why a joint is not placed; nothing for one that is not known."""
+    if name in moving:
+        return f"the joint {name!r} moves; robot.locked({{{name!r}: value}}) fixes it"
+    return f"the joint {name!r} follows {leaders[name]!r}, which can be placed" if name in leaders else ""
+
+
+@dataclass(frozen=True)
+class Description:
+    """A source, and what was changed since, in the order of the changes."""
+
+    source: Source
+    edits: tuple[Edit, ...] = ()
+    is_limited: bool = False
+    """The limits of the joints are other ones than those of the source."""
+
+    @property
+    def part(self) -> Reduced:
+        """The model with the changes made."""
+        return edited(self.edits, self.source.part())
+
+    def urdf(self, tips: tuple[str, ...], base: str, limits: JointLimits) -> str:
+        """The description as normalised URDF, with limits that are now those of its joints. Raises `RobotError`."""
+        if (table := self.dh(limits)) is not None:
+            return read_urdf(urdf_text(table)).urdf
+        text = self.source.text()
+        if not self.edits and not self.is_limited:
+            return text
+        root = ElementTree.fromstring(text)
+        for edit in self.edits:
+            edit.urdf(root)
+        if self.is_limited:
+            write_limits(root, limits)
+        return read_urdf(ElementTree.tostring(root, encoding="unicode"), tip=tips, base=base).urdf
+
+    def dh(self, limits: JointLimits) -> DHTable | None:
+        """The DH table that the robot is, with its limits; None: it is none."""
+        table = self.source.dh
+        return None if table is None or self.edits else limited_table(table, limits) if self.is_limited else table
 
 
 def limited_table(table: DHTable, limits: JointLimits) -> DHTable:
@@ -82,12 +193,11 @@ def limited_table(table: DHTable, limits: JointLimits) -> DHTable:
     return DHTable(links, table.name, table.convention)
 
 
-def limited_urdf(urdf: str, limits: JointLimits) -> str:
-    """The text of a normalised URDF, see `urdf_reader.Chain`, with other limits of its independent joints.
+def write_limits(root: ElementTree.Element, limits: JointLimits) -> None:
+    """Write other limits of the independent joints into a normalised URDF, see `maira_qp.robots.urdf.reader.Chain`.
 
     Those of mimic joints become as wide as these need them.
     """
-    root = ElementTree.fromstring(urdf)
     joints = {joint.attrib["name"]: joint for joint in root.findall("joint")}
     for i, name in enumerate(limits.joint_names):
         joint = joints[name]
@@ -100,7 +210,6 @@ def limited_urdf(urdf: str, limits: JointLimits) -> str:
             limit.attrib |= {key: repr(float(value)) if math.isfinite(value) else "0" for key, value in keys.items()}
         if limits.upper[i] < math.inf:
             _let_follow(root, name, float(limits.lower[i]), float(limits.upper[i]))
-    return ElementTree.tostring(root, encoding="unicode")
 
 
 def _let_follow(root: ElementTree.Element, leader: str, lower: float, upper: float) -> None:

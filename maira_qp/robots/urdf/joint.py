@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from maira_qp.errors import RobotError, listed
 from maira_qp.robots.model.joint_limits import ENDLESS
+from maira_qp.robots.urdf.rpy import matrix_from_rpy, rpy_from_matrix
 
 MOVING = ("revolute", "continuous", "prismatic")
 KINDS = (*MOVING, "fixed", "floating", "planar")
@@ -121,6 +122,24 @@ def fixed_of(element: Element) -> Joint:
     )
 
 
+def fixed_at(joint: Joint, value: float) -> Joint:
+    """The joint as a fixed one, where it stands at a value [rad, or m]."""
+    fixed = replace(joint, kind="fixed", mimic=None)
+    if joint.kind not in MOVING or value == 0:
+        return fixed
+    R = matrix_from_rpy(joint.rpy)
+    if joint.kind == "prismatic":
+        return replace(fixed, xyz=joint.xyz + R @ (value * joint.axis))
+    return replace(fixed, rpy=rpy_from_matrix(R @ _turn(joint.axis, value)))
+
+
+def turned_round(joint: Joint) -> Joint:
+    """A fixed joint from its child link to its parent link."""
+    R = matrix_from_rpy(joint.rpy).T
+    back = {"xyz": -(R @ joint.xyz) + 0.0, "rpy": rpy_from_matrix(R)}
+    return replace(joint, parent=joint.child, child=joint.parent, **back)
+
+
 def limits_at_load(name: str) -> tuple[str, str]:
     """How the limits of a joint are given when a robot is loaded: in Python, and on the command line."""
     return f"at load, limits={{{name!r}: (lower, upper)}}", f"at load, --limits {name}=LOWER:UPPER"
@@ -219,3 +238,10 @@ def _numbers(
     if (np.abs(values) > largest).any():
         raise RobotError(f"{told} is beyond the largest number that makes sense there, {largest:g}")
     return values
+
+
+def _turn(axis: np.ndarray, angle: float) -> np.ndarray:
+    """Rotation matrix (3, 3) about a unit axis (3,) by an angle [rad], by Rodrigues' formula."""
+    x, y, z = axis
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + math.sin(angle) * K + 2 * math.sin(angle / 2) ** 2 * (K @ K)

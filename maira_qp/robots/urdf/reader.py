@@ -9,6 +9,7 @@ Meshes are never opened. The format: http://wiki.ros.org/urdf/XML.
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import os
@@ -25,16 +26,17 @@ from maira_qp.robots.urdf.joint import (
     MOVING,
     Joint,
     ends_of,
+    fixed_at,
     fixed_of,
     is_macro,
     joint_of,
     limits_at_load,
     macro_left,
+    turned_round,
 )
 from maira_qp.robots.urdf.joint_order import visiting_order
 from maira_qp.robots.urdf.link_tree import Edge, LinkTree
 from maira_qp.robots.urdf.normalized import normalised
-from maira_qp.robots.urdf.rpy import matrix_from_rpy, rpy_from_matrix
 from maira_qp.robots.urdf.safe_xml import xml_root
 
 log = logging.getLogger(__name__)
@@ -68,6 +70,9 @@ class Chain:
     """Largest accelerations (n,) [rad/s^2, or m/s^2], inf where there is no limit."""
     frames: tuple[str, ...] = field(compare=False, repr=False)
     """Names of all links, the base first."""
+    resting: Mapping[str, Joint] = field(compare=False, repr=False)
+    """The joints that are fixed here, but move in the description, as they are there; followers with the joint at the
+    head as their leader, and without those of joints that move here."""
 
     @property
     def tip(self) -> str:
@@ -122,6 +127,7 @@ def read_urdf(
         effort=_read_only(joint.effort for joint in free),
         acceleration=_read_only(joint.acceleration for joint in free),
         frames=frames,
+        resting=_resting(placed, moving, joints),
     )
 
 
@@ -314,17 +320,26 @@ def _placed(
     return placed
 
 
+def _resting(placed: Iterable[Joint], moving: Mapping[str, Joint], joints: _Joints) -> dict[str, Joint]:
+    """The joints among the placed ones that could stand elsewhere, those aside that follow one that moves."""
+    found = dict[str, Joint]()
+    for name in (joint.name for joint in placed):
+        with contextlib.suppress(RobotError, KeyError):  # odd ones, and those that are no joints of the description
+            joint = joints[name]
+            if name in moving or joint.kind not in MOVING:
+                continue
+            if joint.mimic is not None:
+                leader, multiplier, offset = _leader(joint, joints)
+                if leader.name in moving:
+                    continue
+                joint = replace(joint, mimic=(leader.name, multiplier, offset))
+            found[name] = joint
+    return found
+
+
 def _at_rest(joint: Joint, joints: Mapping[str, Joint]) -> Joint:
     """The joint fixed where it stands when every joint is at zero, or at the limit nearest to zero."""
-    xyz, R = joint.xyz, matrix_from_rpy(joint.rpy)
-    rest = _rest(joint, joints) if joint.kind in MOVING else 0.0
-    if rest == 0:
-        return replace(joint, kind="fixed", mimic=None)
-    if joint.kind == "prismatic":
-        xyz = xyz + R @ (rest * joint.axis)
-    else:
-        R = R @ _turn(joint.axis, rest)
-    return replace(joint, kind="fixed", mimic=None, xyz=xyz, rpy=rpy_from_matrix(R))
+    return fixed_at(joint, _rest(joint, joints) if joint.kind in MOVING else 0.0)
 
 
 def _rest(joint: Joint, joints: Mapping[str, Joint]) -> float:
@@ -340,13 +355,12 @@ def _turned_round(joint: Joint, taken: set[str]) -> list[Joint]:
     With the origin O and the motion M(q) a joint is O M(q), and turned round M(q)^-1 O^-1. URDF has the origin before
     the motion, so there are two: a joint without an origin that moves the other way, to a new link, and a fixed one.
     """
-    R = matrix_from_rpy(joint.rpy).T
-    back = {"xyz": -(R @ joint.xyz) + 0.0, "rpy": rpy_from_matrix(R)}
+    back = turned_round(joint)
     if joint.kind not in MOVING:
-        return [replace(joint, parent=joint.child, child=joint.parent, **back)]
+        return [back]
     between, second = (_unused(f"{joint.name}_{word}", taken) for word in ("origin", "origin_joint"))
     first = replace(joint, parent=joint.child, child=between, axis=0.0 - joint.axis, xyz=np.zeros(3), rpy=np.zeros(3))
-    return [first, replace(joint, name=second, kind="fixed", mimic=None, parent=between, child=joint.parent, **back)]
+    return [first, replace(back, name=second, kind="fixed", mimic=None, parent=between)]
 
 
 def _unused(name: str, taken: set[str]) -> str:
@@ -354,10 +368,3 @@ def _unused(name: str, taken: set[str]) -> str:
         name += "_"
     taken.add(name)
     return name
-
-
-def _turn(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Rotation matrix (3, 3) about a unit axis (3,) by an angle [rad], by Rodrigues' formula."""
-    x, y, z = axis
-    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + math.sin(angle) * K + 2 * math.sin(angle / 2) ** 2 * (K @ K)

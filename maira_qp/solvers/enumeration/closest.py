@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from maira_qp.arrays import real_array
-from maira_qp.errors import ConfigurationError, OptionError, shown
+import numpy as np
+
+from maira_qp.errors import OptionError, shown
 from maira_qp.problem.objectives import Posture, checked_joint_weights
 from maira_qp.robots.model.robot import Robot
 
@@ -23,12 +24,14 @@ def check_preference(prefer: object, q0: object, observe: object = None) -> None
         raise OptionError("prefer='closest' cannot be observed; leave out prefer, or observe")
 
 
-def posture_at(q0: Any, metric: Any, robot: Robot) -> Posture:
-    """The posture whose cost is half the squared distance from q0 (n,) in a metric: (n,) or (n, n), None: 1 each.
+def posture_at(q0: np.ndarray, metric: Any, robot: Robot) -> Posture:
+    """The posture whose cost is half the squared distance from q0 (n,) in a metric, None: 1 for each joint.
 
-    Raises `ConfigurationError`, `OptionError`.
+    It is (n,) or (n, n), or {joint name: weight}, in which others count 1.
+
+    Raises `OptionError`.
     """
-    weights = checked_joint_weights(1.0 if metric is None else metric, "metric", robot.n)
+    weights = checked_joint_weights(1.0 if metric is None else metric, "metric", robot.joint_names)
     if not weights.any():
         raise OptionError(f"metric must be {robot.n} weights >= 0, not all of them 0, got {weights.tolist()}")
-    return Posture(real_array(q0, (robot.n,), "q0", ConfigurationError), weights)
+    return Posture(q0, weights)

@@ -30,7 +30,7 @@ from maira_qp.errors import OptionError, shown
 from maira_qp.results.answer import Origin
 from maira_qp.results.path_solution import PathSolution
 from maira_qp.results.trajectory import Deviation, MotionLimits, Trajectory
-from maira_qp.robots.model.joint_limits import joint_values
+from maira_qp.robots.model.joint_values import joint_values
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.paths.curve import curve_through, deviations, distances, knots_of
 

@@ -19,6 +19,7 @@ from maira_qp.errors import ConfigurationError, MairaError, OptionError, shown
 from maira_qp.problem.limits.joint import Tick
 from maira_qp.results.command import Command, command_of
 from maira_qp.results.status import TrackerState
+from maira_qp.robots.model.joint_values import joint_array
 from maira_qp.solvers.solver import Solver
 from maira_qp.solvers.streaming.clutch import Clutch
 
@@ -60,7 +61,7 @@ class Tracker(Shown):
 
         Args:
             solver: the tasks, limits and redundancy of each tick.
-            q: where the arm is (n,) [rad or m].
+            q: where the arm is (n,) [rad or m], or {joint name: value}.
             velocity, acceleration: limits of the joints [rad/s or m/s, rad/s^2 or m/s^2] as for `Robot.limited`; None:
                 the solver's. Without a limit on its acceleration a joint stops at once.
             clutch: the tool moves relative to where it is, as the hand does; None: targets are poses of the tool.
@@ -98,9 +99,9 @@ class Tracker(Shown):
 
         Raises `ConfigurationError`.
         """
-        n = self._solver.robot.n
-        self._q = real_array(q, (n,), "q", ConfigurationError)
-        self._velocity = np.zeros(n) if velocity is None else real_array(velocity, (n,), "velocity", ConfigurationError)
+        joints = self._solver.robot.joint_names
+        self._q = joint_array(q, joints, "q")
+        self._velocity = np.zeros(len(joints)) if velocity is None else joint_array(velocity, joints, "velocity")
         self._hold = ""
         self._is_engaged = self._clutch is None
         self._silence = 0.0
@@ -228,7 +229,7 @@ class Tracker(Shown):
         if measured is None:
             return ""
         try:
-            error = real_array(measured, self._q.shape, "measured", ConfigurationError) - self._q
+            error = joint_array(measured, self._solver.robot.joint_names, "measured") - self._q
         except ConfigurationError as wrong:
             return str(wrong)
         i = int(np.abs(error).argmax())
