@@ -76,7 +76,7 @@ def renew(root: Path) -> None:
     for path in sorted((root / "output").glob("[0-9][0-9]_*.png")):
         with Image.open(path) as picture:
             picture.thumbnail((SIZE, SIZE))
-            picture.convert("P", palette=Image.Palette.ADAPTIVE, colors=64).save(folder / path.name, optimize=True)
+            picture.convert("RGB").quantize(64).save(folder / path.name, optimize=True)
 
 
 if __name__ == "__main__":
