@@ -62,3 +62,10 @@ def test_every_page_stands_in_the_menu():
     menu = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     pages = [path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")]
     assert [page for page in pages if page not in menu] == []
+
+
+def test_every_example_has_its_picture_in_the_gallery():
+    """`make gallery` copies what the examples have drawn."""
+    drawing = [path for path in (ROOT / "examples").glob("[0-9]*.py") if "output/" in path.read_text(encoding="utf-8")]
+    assert [path.name for path in drawing if not list((DOCS / "images" / "examples").glob(f"{path.stem[:2]}_*"))] == []
+    assert len(drawing) > 10
