@@ -339,7 +339,7 @@ class Robot(Shown):
         return self._edited(Locked(placed_values(values, ranges, "locked", self._follows)))
 
     def at_rest(self, values: Mapping[str, float]) -> Robot:
-        """The same robot with joints placed that do not move, such as those of another arm: `values` {joint name: value}.
+        """The same robot with joints placed that do not move, those of another arm, say: `values` {joint name: value}.
 
         Joints that are not between the base and the tips stand at zero, or at their limit nearest to it, unless they
         are placed here [rad, or m]; those that mimic a placed one stand where that leads them. The joints that move are
