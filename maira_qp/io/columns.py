@@ -1,6 +1,7 @@
 """Which columns make a pose: found by their names, or told what is missing.
 
-A pose is `x, y, z` [m] with `qw, qx, qy, qz` (scalar first) or with `roll, pitch, yaw`, or the rows of its 4x4 matrix,
+A pose is `x, y, z` [m] with `qw, qx, qy, qz` (scalar first) or with `roll, pitch, yaw`, or, where positions will do,
+alone; or the rows of its 4x4 matrix,
 `m00` to `m23` and, if they like, `m30` to `m33`. A start is `q0_<joint>` for every joint. All further columns are the
 caller's own.
 """
@@ -31,7 +32,7 @@ class Layout:
     """Where a pose is in the columns of a file."""
 
     form: str
-    """quaternion, rpy or matrix"""
+    """quaternion, rpy, matrix or position"""
     pose: tuple[str, ...]
     """The columns of the pose, x, y, z first, or the matrix by rows."""
     start: tuple[str, ...]
@@ -43,8 +44,10 @@ class Layout:
         return (*self.pose, *self.start)
 
 
-def layout(names: Sequence[str], joint_names: Sequence[str] | None) -> Layout:
-    """The layout that the names of the columns tell; without names of joints there is no start.
+def layout(names: Sequence[str], joint_names: Sequence[str] | None, *, position_only: bool = False) -> Layout:
+    """The layout that the names of the columns say; without names of joints there is no start.
+
+    With `position_only` a position without an orientation will do, if no column is like that of an orientation.
 
     Raises `PoseError`, naming what is missing and what is valid.
     """
@@ -55,8 +58,10 @@ def layout(names: Sequence[str], joint_names: Sequence[str] | None) -> Layout:
     forms = [form for form, own in found.items() if own]
     if len(forms) > 1:
         raise PoseError(f"one orientation is enough: there are both {found[forms[0]][0]!r} and {found[forms[1]][0]!r}")
+    every = list(itertools.chain(*ORIENTATIONS.values()))
+    if not forms and position_only and all(name in names for name in POSITION) and not _misspelt(every, names):
+        return Layout("position", POSITION, () if joint_names is None else _start(names, joint_names))
     if not forms:
-        every = list(itertools.chain(*ORIENTATIONS.values()))
         raise PoseError(f"no column of an orientation{_hint(every, names)}; {VALID}")
     form = forms[0]
     if form == "matrix" and any(name in names for name in POSITION):
@@ -89,11 +94,16 @@ def _complete(wanted: Sequence[str], names: Sequence[str], valid: str) -> None:
 
 
 def _hint(missing: Sequence[str], names: Sequence[str]) -> str:
-    """A misspelt name among the columns, if one is like something that is missing."""
+    """What to say of a misspelt name among the columns, or what columns there are."""
+    return _misspelt(missing, names) or f" among {', '.join(repr(name[:60]) for name in names[:40])}"
+
+
+def _misspelt(missing: Sequence[str], names: Sequence[str]) -> str:
+    """What to say of a name among the columns that is like something that is missing; empty: there is none."""
     known = {*POSITION, *itertools.chain(*ORIENTATIONS.values())}
     written = {name.lower(): name for name in names if name not in known and not name.startswith(START)}
     for wanted in missing:
         close = difflib.get_close_matches(wanted, written, n=1)
         if close:
             return f"; there is {written[close[0]]!r}: did you mean {wanted!r}?"
-    return f" among {', '.join(repr(name[:60]) for name in names[:40])}"
+    return ""

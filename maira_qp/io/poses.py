@@ -38,6 +38,8 @@ class Poses:
     """One radian in the unit of the file."""
     scale: np.ndarray | float
     """(n,) one rad or m of each joint in the unit of the file."""
+    metre: float
+    """One metre in the unit of the file."""
     project: bool
     """Take the nearest rotation to a rounded one, however far it is."""
     valid: np.ndarray
@@ -57,6 +59,7 @@ class Poses:
             self.layout.form,
             numbers[self.valid[rows]],
             self.radian,
+            self.metre,
             self.project,
             lambda i: self.table.where(int(found[i])),
         )
@@ -83,9 +86,11 @@ def read_poses(
     joint_names: Sequence[str] | None,
     *,
     radian: float = 1.0,
+    metre: float = 1.0,
     scale: np.ndarray | float = 1.0,
     farthest: float = math.inf,
     project: bool = False,
+    position_only: bool = False,
 ) -> Poses:
     """The poses of a file.
 
@@ -93,9 +98,11 @@ def read_poses(
         path: .csv, .npz or .parquet.
         joint_names: n names, for the columns of the start; None: no column is one.
         radian: one radian in the unit of the file.
+        metre: one metre in the unit of the file.
         scale: (n,) one rad or m of each joint in the unit of the file.
         farthest: a coordinate [m] beyond which a position is a mistake.
         project: take the nearest rotation to a rounded one, however far it is.
+        position_only: a file may hold positions without orientations; those of its poses are then the base's.
 
     Raises `PoseError`, which names the row or column, `OptionError`.
     """
@@ -103,13 +110,14 @@ def read_poses(
 
     def choose(names: Sequence[str]) -> Sequence[str]:
         try:
-            return layout(names, joint_names).names
+            return layout(names, joint_names, position_only=position_only).names
         except PoseError as reason:
             raise reason.at(str(path)) from None
 
     table = _read(path, choose, joint_names or ())
+    found = layout(table.names, joint_names, position_only=position_only)
     valid = np.logical_and.reduce(np.isfinite(table.numbers), axis=1)
-    poses = Poses(table, layout(table.names, joint_names), radian, scale, project, valid, np.zeros(len(valid)))
+    poses = Poses(table, found, radian, scale, metre, project, valid, np.zeros(len(valid)))
     for rows in blocks(len(poses)):
         T = poses.targets(rows)  # a bad one is told now, not after the rows before it were solved
         distance = np.abs(T[:, :3, 3]).max(axis=1)
@@ -131,7 +139,7 @@ def _read(path: Path, choose: Choose, joint_names: Sequence[str]) -> Table:
 
 
 def _transformations(
-    form: str, numbers: np.ndarray, radian: float, project: bool, name: Name
+    form: str, numbers: np.ndarray, radian: float, metre: float, project: bool, name: Name
 ) -> tuple[np.ndarray, np.ndarray]:
     """Transformations (N, 4, 4) from the numbers (N, k) of poses, and the deviations (N,) of their orientations."""
     T, deviation = np.zeros((len(numbers), 4, 4)), np.zeros(len(numbers))
@@ -142,7 +150,8 @@ def _transformations(
             raise PoseError(f"{name(i)}: the last row of the matrix must be 0, 0, 0, 1, not {T[i, 3].tolist()}")
         T[:, :3, :3], deviation = _from_matrices(T[:, :3, :3], project, name)
     else:
-        T[:, :3, 3] = numbers[:, :3]
+        T[:, :3, 3], T[:, :3, :3] = numbers[:, :3], np.eye(3)
+    T[:, :3, 3] /= metre
     if form == "quaternion":
         T[:, :3, :3], deviation = _from_quaternions(numbers[:, 3:], project, name)
     elif form == "rpy" and len(numbers):

@@ -68,28 +68,29 @@ def print_json(value: Any) -> None:
     sys.stdout.write(json.dumps(plain(value), allow_nan=False, indent=2) + "\n")
 
 
-class Angles:
-    """Joint values in and out: radians, or degrees where asked for; sliding joints are in metres either way."""
+class Units:
+    """Units of what goes in and out: radians or degrees, metres or millimetres."""
 
-    def __init__(self, robot: Robot, degrees: bool) -> None:
+    def __init__(self, robot: Robot, degrees: bool, millimetres: bool = False) -> None:
         """For the joints of one robot."""
-        self.unit = "deg" if degrees else "rad"
-        self.one = 180.0 / math.pi if degrees else 1.0
-        """One radian in the unit."""
-        self.units = ["m" if slides else self.unit for slides in robot.slides]
+        self.angle, self.length = "deg" if degrees else "rad", "mm" if millimetres else "m"
+        self.radian, self.metre = 180.0 / math.pi if degrees else 1.0, 1000.0 if millimetres else 1.0
+        """One rad and one m in these units."""
+        self.joints = [self.length if slides else self.angle for slides in robot.slides]
         self._names = robot.joint_names
-        self._scale = np.where(robot.slides, 1.0, self.one)
+        self.scale = np.where(robot.slides, self.metre, self.radian)
+        """One rad or m of each joint (n,) in these units."""
 
     def read(self, values: Any, name: str) -> np.ndarray:
         """Joint values (n,) as given, in rad and m. Raises `ConfigurationError` if they are not n finite numbers."""
         if len(values) != len(self._names):
             count, names = len(self._names), ", ".join(self._names)
             raise ConfigurationError(f"{name}: give {count} joint values, not {len(values)}: those of {names}")
-        return real_array(values, self._scale.shape, name, ConfigurationError) / self._scale
+        return real_array(values, self.scale.shape, name, ConfigurationError) / self.scale
 
     def write(self, q: np.ndarray) -> np.ndarray:
         """Joint values (n,) in rad and m, in the units asked for."""
-        return q * self._scale
+        return q * self.scale
 
 
 def numbers(values: Any) -> str:

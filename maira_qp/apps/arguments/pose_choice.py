@@ -20,7 +20,7 @@ from maira_qp.regular_files import read_regular
 if TYPE_CHECKING:
     import pinocchio as pin
 
-    from maira_qp.apps.arguments.output import Angles
+    from maira_qp.apps.arguments.output import Units
 
 log = logging.getLogger(__name__)
 
@@ -33,13 +33,14 @@ class PoseChoice:
     """Where the tool is to be."""
 
     position: Position = None
-    """Wanted position of the tool in the base [m]; must be given unless --matrix holds it."""
+    """Wanted position of the tool in the base [m, or mm with --mm]; must be given unless --matrix holds it."""
     quaternion: Quaternion = None
     """Wanted orientation as a unit quaternion, scalar first; without any orientation: that of the base."""
     rpy: Rpy = None
     """Wanted orientation as roll, pitch, yaw about fixed axes [rad, or deg with --deg]."""
     matrix: Path | None = None
-    """File with the wanted pose as 4x4 numbers (or 3x3, the orientation alone): text, .json or .npy."""
+    """File with the wanted pose as 4x4 numbers (or 3x3, the orientation alone): text, .json or .npy; its position in m,
+    or mm with --mm."""
     project: tyro.conf.FlagCreatePairsOff[bool] = False
     """Take the nearest rotation to a rounded matrix or quaternion, on purpose."""
 
@@ -56,14 +57,14 @@ class PoseChoice:
         names = ("position", "quaternion", "rpy", "matrix")
         return [f"--{name}" for name in names if getattr(self, name) is not None]
 
-    def hint(self, angles: Angles) -> str:
+    def hint(self, units: Units) -> str:
         """What to say if --rpy looks like degrees and is read as radians; else empty."""
         from maira_qp.robots.unit_hints import degrees_hint_of_angles
 
-        hint = "" if self.rpy is None or angles.unit == "deg" else degrees_hint_of_angles(self.rpy, "--rpy")
+        hint = "" if self.rpy is None or units.angle == "deg" else degrees_hint_of_angles(self.rpy, "--rpy")
         return f"{hint} (--deg)" if hint else ""
 
-    def load(self, angles: Angles, others: str = "", *, log_hint: bool = True) -> pin.SE3:
+    def load(self, units: Units, others: str = "", *, log_hint: bool = True) -> pin.SE3:
         """The wanted pose; `others` are other ways to give it, for the message; `log_hint`: log `hint`.
 
         Raises `PoseError` if it is not given, or given twice.
@@ -73,17 +74,19 @@ class PoseChoice:
 
         matrix = None if self.matrix is None else read_matrix(self.matrix)
         whole = matrix is not None and matrix.shape == (4, 4)
+        if whole and matrix is not None and units.metre != 1.0:
+            matrix = matrix / np.array([[1.0, 1.0, 1.0, units.metre]] * 3 + [[1.0] * 4])
         if self.position is None and not whole:
             raise PoseError(f"where to? give --position X Y Z, or --matrix FILE with a 4x4 pose{others}")
         if self.position is not None and whole:
             raise PoseError("--position and a 4x4 --matrix both give a position; leave one out")
-        rpy = None if self.rpy is None else real_array(self.rpy, (3,), "--rpy", PoseError) / angles.one
+        rpy = None if self.rpy is None else real_array(self.rpy, (3,), "--rpy", PoseError) / units.radian
         if rpy is not None and matrix is None and self.quaternion is None:
             matrix, rpy = matrix_from_rpy(rpy), None  # `pose` would take large angles in degrees for a mistake
-            if log_hint and self.hint(angles):
-                log.warning(self.hint(angles))
+            if log_hint and self.hint(units):
+                log.warning(self.hint(units))
         return pose(
-            (0.0, 0.0, 0.0) if self.position is None else self.position,
+            (0.0, 0.0, 0.0) if self.position is None else np.array(self.position) / units.metre,
             quaternion=self.quaternion,
             rpy=rpy,
             matrix=matrix,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from maira_qp.apps.arguments.output import VERDICTS, Angles, console, print_json, progress_bar
+from maira_qp.apps.arguments.output import VERDICTS, Units, console, print_json, progress_bar
 from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.errors import OptionError, PoseError
 from maira_qp.io.answers import check_output, columns, left_out, write_answers
@@ -31,6 +31,7 @@ REMARKS = {
     "invalid_target": "INVALID_TARGET: rows without a pose (an empty cell, or not finite)",
     "first_not_solved": "the first that is not solved",
     "targets_rounded": "orientations that were rounded; the nearest rotations were taken",
+    "positions_alone": "positions without an orientation, which is free",
     "starts_moved_onto_limits": "starts outside the joint limits, moved onto them",
     "starts_left": "answers that left their start: elsewhere is better by more than the tolerances",
     "redundancy_not_settled": "solved, but the redundancy was not settled",
@@ -51,17 +52,24 @@ class Batch:
     threads: int | None
     project: bool
 
-    def run(self, solver: Solver, angles: Angles, *, json: bool) -> int:
-        """Solves, writes and prints a summary; 0 if all are solved, 5 if a row holds no pose, else 1."""
+    def run(self, solver: Solver, positions: Solver, units: Units, *, json: bool) -> int:
+        """Solves, writes and prints a summary; 0 if all are solved, 5 if a row holds no pose, else 1.
+
+        `positions` solves a file that holds positions alone.
+        """
         joints = solver.robot.joint_names
         poses = read_poses(
             self.path,
             joints,
-            radian=angles.one,
-            scale=angles.write(np.ones(len(joints))),
+            radian=units.radian,
+            metre=units.metre,
+            scale=units.scale,
+            position_only=True,
             farthest=FARTHEST * solver.robot.length,
             project=self.project,
         )
+        if poses.layout.form == "position":
+            solver = positions
         if self.q0 is not None and poses.layout.start:
             raise OptionError(f"--q0 and the columns q0_... of {self.path} both give a start; leave one out")
         output = self.output or self.path.with_suffix(f".solved{self.path.suffix}")
@@ -70,7 +78,7 @@ class Batch:
         with progress_bar("solving") as progress:
             answers = columns(self._solved(solver, poses, progress))
         seconds = time.monotonic() - begin
-        answers["q"] = angles.write(answers["q"])
+        answers["q"] = units.write(answers["q"])
         write_answers(output, poses.table, answers, joints)
         hints = unit_hints(solver.robot, poses, answers["success"], self.q0)
         summary = _summary(solver, poses, answers, seconds, hints) | {"output": str(output)}
@@ -116,6 +124,7 @@ def _summary(
         **{status.name.lower(): int((answers["status"] == status.name).sum()) for status in list(Status)[1:]},
         "without_pose": int((~valid).sum()),
         "first_not_solved": None if solved.all() else poses.table.where(int(np.argmin(solved))),
+        "positions_alone": len(poses) if poses.layout.form == "position" else 0,
         "targets_rounded": int((poses.deviation > 0).sum()),
         "worst_target_deviation": poses.deviation.max(initial=0.0),
         "starts_moved_onto_limits": int(answers["start_projected"][valid].sum()),
@@ -132,14 +141,15 @@ def _summary(
 def unit_hints(robot: Robot, poses: Poses, solved: np.ndarray, q0: np.ndarray | None) -> list[str]:
     """What looks like millimetres or degrees where metres and radians are asked for."""
     numbers, form = poses.table.numbers[poses.valid & ~solved], poses.layout.form
-    hints = [millimetres_hint_of_many(numbers[:, [3, 7, 11] if form == "matrix" else [0, 1, 2]], robot)]
+    hints = [millimetres_hint_of_many(numbers[:, [3, 7, 11] if form == "matrix" else [0, 1, 2]] / poses.metre, robot)]
     if poses.radian == 1.0:
         angles = poses.table.numbers[poses.valid, 3:6] if form == "rpy" else np.empty(0)
         starts = poses.starts(slice(None)) if q0 is None else q0[None]
         worst = np.empty((0, robot.n)) if starts is None else starts[np.abs(starts).max(axis=1).argsort()[-1:]]
         hints += [degrees_hint_of_angles(angles, "roll, pitch, yaw")]
         hints += [degrees_hint(start, robot, "a start") for start in worst]
-    return [f"{hint} (--deg)" if "degrees" in hint else hint for hint in hints if hint]
+    flags = {"degrees": "--deg", "millimetres": "--mm"}
+    return [f"{hint} ({flag})" for hint in hints for word, flag in flags.items() if word in hint]
 
 
 def _show(summary: dict[str, Any]) -> None:

@@ -22,32 +22,35 @@ class Fk:
     choice: RobotFlags = field(default_factory=RobotChoice)
     deg: tyro.conf.FlagCreatePairsOff[bool] = False
     """Angles in and out in degrees."""
+    mm: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Lengths in and out in millimetres; those of the matrix stay in m."""
     json: tyro.conf.FlagCreatePairsOff[bool] = False
     """One JSON value on stdout."""
 
     def run(self) -> int:
         """Prints the pose; always 0."""
-        from maira_qp.apps.arguments.output import Angles, print_json
+        from maira_qp.apps.arguments.output import Units, print_json
         from maira_qp.orientation import quaternion_from_matrix
         from maira_qp.robots.unit_hints import degrees_hint
         from maira_qp.robots.urdf.rpy import rpy_from_matrix
 
         robot = self.choice.load()
-        angles = Angles(robot, self.deg)
-        q = angles.read(self.q or np.zeros(robot.n), "the joint values")
+        units = Units(robot, self.deg, self.mm)
+        q = units.read(self.q or np.zeros(robot.n), "the joint values")
         T = robot.forward(q).homogeneous
         hint = degrees_hint(q, robot, "the configuration")
         found = {
             "robot": robot.name,
             "base": robot.base,
             "tip": robot.tip,
-            "q": angles.write(q),
-            "q_units": angles.units,
+            "q": units.write(q),
+            "q_units": units.joints,
             "inside_limits": bool(((robot.lower <= q) & (q <= robot.upper)).all()),
-            "position": T[:3, 3],
+            "position": T[:3, 3] * units.metre,
+            "position_unit": units.length,
             "quaternion": quaternion_from_matrix(T[:3, :3]),
-            "rpy": rpy_from_matrix(T[:3, :3]) * angles.one,
-            "rpy_unit": angles.unit,
+            "rpy": rpy_from_matrix(T[:3, :3]) * units.radian,
+            "rpy_unit": units.angle,
             "matrix": T,
             "condition_number": robot.condition_number(q),
             "manipulability": robot.manipulability(q),
@@ -67,7 +70,7 @@ def _show(found: dict[str, Any], joint_names: tuple[str, ...]) -> None:
     from maira_qp.apps.arguments.output import console, joint_table, numbers
 
     table = Table(title=f"{found['robot']}: {found['tip']} in {found['base']}", show_header=False)
-    table.add_row("position x y z [m]", numbers(found["position"]))
+    table.add_row(f"position x y z [{found['position_unit']}]", numbers(found["position"]))
     table.add_row("quaternion w x y z", numbers(found["quaternion"]))
     table.add_row(f"roll pitch yaw [{found['rpy_unit']}]", numbers(found["rpy"]))
     table.add_row("matrix", "\n".join(numbers(row) for row in found["matrix"]))

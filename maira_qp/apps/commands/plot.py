@@ -21,7 +21,7 @@ from maira_qp.problem.options import Options
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from maira_qp.apps.arguments.output import Angles
+    from maira_qp.apps.arguments.output import Units
     from maira_qp.robots.model.robot import Robot
 
 FINEST = 2400
@@ -45,10 +45,12 @@ class Picture(ABC):
     """Dots an inch of a .png; > 0, at most 2400."""
     deg: tyro.conf.FlagCreatePairsOff[bool] = False
     """Joint values and --rpy in degrees."""
+    mm: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Positions and values of sliding joints in millimetres."""
 
     def run(self) -> int:
         """Draws and says where; 0."""
-        from maira_qp.apps.arguments.output import Angles, check_picture, console
+        from maira_qp.apps.arguments.output import Units, check_picture, console
 
         path = self.output or Path("output") / f"{self.name}.png"
         check_picture(path)
@@ -58,13 +60,13 @@ class Picture(ABC):
         from maira_qp.apps import plots  # not before it is known to be installed
 
         with plots.style():
-            drawn = self.draw(robot, Angles(robot, self.deg))
+            drawn = self.draw(robot, Units(robot, self.deg, self.mm))
         plots.save(drawn, path, dpi=self.dpi)
         console().print(f"picture: {path}", soft_wrap=True)
         return 0
 
     @abstractmethod
-    def draw(self, robot: Robot, angles: Angles) -> Figure:
+    def draw(self, robot: Robot, units: Units) -> Figure:
         """The picture."""
 
 
@@ -81,15 +83,15 @@ class Convergence(Picture):
     seed: int = 0
     """Seed of the random starts; >= 0."""
 
-    def draw(self, robot: Robot, angles: Angles) -> Figure:
+    def draw(self, robot: Robot, units: Units) -> Figure:
         """One solve, observed."""
         from maira_qp.apps import plots
         from maira_qp.solvers.solver import Solver
 
-        seed, target = checked_seed(self.seed), self.pose.load(angles)
+        seed, target = checked_seed(self.seed), self.pose.load(units)
         solver = Solver(robot, redundancy=self.redundancy.load(), options=self.options)
         visited: list[np.ndarray] = []
-        q0 = None if self.q0 is None else angles.read(self.q0, "--q0")
+        q0 = None if self.q0 is None else units.read(self.q0, "--q0")
         solution = solver.solve(target, q0=q0, rng=seed, observe=visited.append)
         made = plots.figure(size=(7.0, 3.6))
         plots.convergence(made.axes[0], solver, target, np.array(visited))
@@ -109,14 +111,14 @@ class TradeOff(Picture):
     seed: int = 0
     """Seed of the random starts; >= 0."""
 
-    def draw(self, robot: Robot, angles: Angles) -> Figure:
+    def draw(self, robot: Robot, units: Units) -> Figure:
         """The strict answer, and from there weighted ones, each from the one before."""
         from maira_qp.apps import plots
         from maira_qp.problem.objectives import Posture
         from maira_qp.problem.redundancy import Strict, Weighted
         from maira_qp.solvers.solver import Solver
 
-        seed, target, weights = checked_seed(self.seed), self.pose.load(angles), sorted(self.weights)
+        seed, target, weights = checked_seed(self.seed), self.pose.load(units), sorted(self.weights)
         if not weights:
             raise OptionError("--weights needs at least one weight")
         wishes = [Strict(Posture()), *(Weighted(Posture(), weight) for weight in weights)]
@@ -142,13 +144,13 @@ class SelfMotion(Picture):
 
     pose: PoseFlags = field(default_factory=PoseChoice)
 
-    def draw(self, robot: Robot, angles: Angles) -> Figure:
+    def draw(self, robot: Robot, units: Units) -> Figure:
         """The joints of the best branch, above the arcs of all."""
         from maira_qp.analytic.srs.geometry import SRS
         from maira_qp.apps import plots
         from maira_qp.solvers.solver import Solver
 
-        target = self.pose.load(angles)
+        target = self.pose.load(units)
         refusal = SRS.refusal(robot)
         if refusal is not None:
             raise OptionError(f"self-motion pictures are for S-R-S arms: {refusal}")
@@ -181,7 +183,7 @@ class Reach(Picture):
     cells: int = 80
     """Cells along each side; >= 2."""
 
-    def draw(self, robot: Robot, angles: Angles) -> Figure:
+    def draw(self, robot: Robot, units: Units) -> Figure:
         """A batch of poses, a cell each."""
         from maira_qp.apps import plots
         from maira_qp.apps.arguments.output import progress_bar
@@ -189,7 +191,7 @@ class Reach(Picture):
         from maira_qp.problem.pose import pose
         from maira_qp.solvers.solver import Solver
 
-        rpy = None if self.rpy is None else np.array(self.rpy) / angles.one
+        rpy = None if self.rpy is None else np.array(self.rpy) / units.radian
         rotation = pose((0.0, 0.0, 0.0), quaternion=self.quaternion, rpy=rpy).rotation
         solver = Solver(robot, options=self.options)
         with progress_bar("solving") as progress:
@@ -216,16 +218,16 @@ class JointPaths(Picture):
     seconds: float = 10.0
     """How long at most [s]; > 0. The path ends earlier where the arm comes to rest."""
 
-    def draw(self, robot: Robot, angles: Angles) -> Figure:
+    def draw(self, robot: Robot, units: Units) -> Figure:
         """Ticks until the arm is at rest."""
         from maira_qp.apps import plots
         from maira_qp.solvers.solver import Solver
 
         if not 0 < self.dt <= self.seconds < np.inf:
             raise OptionError(f"--dt and --seconds must be positive, --dt the smaller; got {self.dt}, {self.seconds}")
-        target = self.pose.load(angles)
+        target = self.pose.load(units)
         solver = Solver(robot, redundancy=self.redundancy.load(), options=self.options)
-        path = [robot.middle if self.q0 is None else robot.clip(angles.read(self.q0, "--q0"))]
+        path = [robot.middle if self.q0 is None else robot.clip(units.read(self.q0, "--q0"))]
         velocity = np.zeros(robot.n)
         for _ in range(round(self.seconds / self.dt)):
             tick = solver.step(path[-1], target, self.dt, velocity=velocity)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ from maira_qp.errors import OptionError
 from maira_qp.problem.options import Options
 
 if TYPE_CHECKING:
-    from maira_qp.apps.arguments.output import Angles
+    from maira_qp.apps.arguments.output import Units
     from maira_qp.results.solution import Solution
     from maira_qp.results.solution_set import Solutions
     from maira_qp.robots.model.robot import Robot
@@ -38,18 +39,19 @@ class Solve:
     With --all every solution, the best first: those of all branches, of a redundant arm the best of each arc or, where
     it is not known in closed form, the local optima that were found.
 
-    With --batch FILE many poses, a pose a row. CSV and Parquet have columns x, y, z [m] with qw, qx, qy, qz (scalar
-    first) or with roll, pitch, yaw [rad, or deg with --deg]; or m00, m01, ... m23, the rows of the 4x4 matrix (m30 to
-    m33 may follow); if you like, a start q0_<joint> for each joint; further columns are carried along. NPZ has an array
-    targets (N, 4, 4); if you like, q0 (N, n). A row with an empty cell or NaN is not solved, and spoils no other:
-    its status is INVALID_TARGET, and its answers are empty cells (in NPZ NaN).
+    With --batch FILE many poses, one per row. CSV and Parquet have columns x, y, z [m, or mm with --mm] with qw, qx,
+    qy, qz (scalar first) or with roll, pitch, yaw [rad, or deg with --deg], or alone: then the orientation is free; or
+    m00, m01, ... m23, the rows of the 4x4 matrix (m30 to m33 may follow); optionally a start q0_<joint> for each joint;
+    further columns are carried along. NPZ has an array targets (N, 4, 4), optionally q0 (N, n). A row with an empty
+    cell or NaN is not solved, and spoils no other: its status is INVALID_TARGET, and its answers are empty cells (in
+    NPZ NaN).
 
     The answers stand behind what the file held: success, status, position_error [m], orientation_error [rad],
     iterations, restarts, condition_number, left_q0 (whether the answer left its start for a better one),
     max_joint_change [rad or m] (of the joint that is farthest from its start; an empty cell without a start, in NPZ
-    NaN), active_limits (with ; between) and q_<joint> [rad, or deg with --deg; m for a sliding joint]; in NPZ the same
-    as arrays (N,), and q (N, n) and joint_names. Exit code 0: all solved; 1: some not; 5: some rows hold no
-    pose."""
+    NaN), active_limits (with ; between) and q_<joint> [rad, or deg with --deg; for a sliding joint m, or mm with --mm];
+    in NPZ the same as arrays (N,), and q (N, n) and joint_names. Exit code 0: all solved; 1: some not; 5: some rows
+    hold no pose."""
 
     choice: RobotFlags = field(default_factory=RobotChoice)
     pose: PoseFlags = field(default_factory=PoseChoice)
@@ -71,25 +73,31 @@ class Solve:
     seed: int = 0
     """Seed of the random starts; >= 0."""
     options: SolverFlags = field(default_factory=Options)
+    position_only: tyro.conf.FlagCreatePairsOff[bool] = False
+    """The orientation is free: only the position counts."""
     deg: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Joint values and --rpy in and out in degrees; tolerances stay in rad."""
+    """Joint values and --rpy in and out in degrees; tolerances and errors stay in rad."""
+    mm: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Positions and values of sliding joints in and out in millimetres; tolerances and errors stay in m."""
     json: tyro.conf.FlagCreatePairsOff[bool] = False
     """One JSON value on stdout; with --batch: the summary."""
 
     def run(self) -> int:
         """Prints the solution, or the summary of a batch; the exit code as the class says."""
-        from maira_qp.apps.arguments.output import VERDICTS, Angles, print_json
+        from maira_qp.apps.arguments.output import VERDICTS, Units, print_json
+        from maira_qp.problem.tasks.frame import PositionTask
         from maira_qp.solvers.solver import Solver
 
         self._check_flags()
         seed = checked_seed(self.seed)
         redundancy = self.redundancy.load()
         robot = self.choice.load()
-        angles = Angles(robot, self.deg)
-        q0 = None if self.q0 is None else angles.read(self.q0, "--q0")
+        units = Units(robot, self.deg, self.mm)
+        q0 = None if self.q0 is None else units.read(self.q0, "--q0")
         others = ", or --batch FILE with many"
-        target = self.pose.load(angles, others, log_hint=self.all) if self.batch is None else None
-        solver = Solver(robot, redundancy=redundancy, backend=self.backend, options=self.options)
+        target = self.pose.load(units, others, log_hint=self.all) if self.batch is None else None
+        make = partial(Solver, robot, redundancy=redundancy, backend=self.backend, options=self.options)
+        solver = make(task=PositionTask() if self.position_only else None)
         if self.batch is not None:
             from maira_qp.apps.commands.batch import Batch
 
@@ -101,23 +109,23 @@ class Solve:
                 threads=self.threads,
                 project=self.pose.project,
             )
-            return batch.run(solver, angles, json=self.json)
+            return batch.run(solver, make(task=PositionTask()), units, json=self.json)
         if self.all:
             solutions = solver.solutions(target, rng=seed)
             with reader_may_leave():
                 if self.json:
-                    print_json(_all_as_json(robot, angles, solutions))
+                    print_json(_all_as_json(robot, units, solutions))
                 else:
-                    _show_all(robot, angles, solutions)
+                    _show_all(robot, units, solutions)
             return 0 if solutions else 1
         solution = replace(solver.solve(target, q0=q0, rng=seed), target_deviation=self.pose.deviation)
-        hints = [self.pose.hint(angles)] if self.pose.hint(angles) else []
+        hints = [self.pose.hint(units)] if self.pose.hint(units) else []
         hints += [f"{hint} (--deg)" if "degrees" in hint else hint for hint in solution.hints]
         with reader_may_leave():
             if self.json:
-                print_json(_as_json(robot, angles, solution) | {"hints": hints})
+                print_json(_as_json(robot, units, solution) | {"hints": hints})
             else:
-                _show(robot, angles, solution, hints)
+                _show(robot, units, solution, hints)
         return VERDICTS[solution.status.name]
 
     def _check_flags(self) -> None:
@@ -125,6 +133,9 @@ class Solve:
         if self.all and (self.batch is not None or self.q0 is not None):
             raise OptionError("--all goes neither with --batch nor with --q0")
         of_batch = {"--output": self.output, "--threads": self.threads}
+        turned = [flag for flag in self.pose.given if flag in ("--quaternion", "--rpy")]
+        if self.position_only and turned:
+            raise OptionError(f"--position-only leaves the orientation free; leave {' and '.join(turned)} out")
         given = self.pose.given
         if self.batch is None:
             given = [flag for flag, value in of_batch.items() if value is not None]
@@ -135,19 +146,19 @@ class Solve:
             )
 
 
-def _as_json(robot: Robot, angles: Angles, s: Solution) -> dict[str, Any]:
+def _as_json(robot: Robot, units: Units, s: Solution) -> dict[str, Any]:
     return {
         "robot": robot.name,
         "tip": robot.tip,
         "joint_names": robot.joint_names,
         **s.as_dict(),
-        "q": angles.write(s.q),
-        "q_units": angles.units,
+        "q": units.write(s.q),
+        "q_units": units.joints,
         "explanation": s.explain().as_dict(),
     }
 
 
-def _show(robot: Robot, angles: Angles, s: Solution, hints: Sequence[str]) -> None:
+def _show(robot: Robot, units: Units, s: Solution, hints: Sequence[str]) -> None:
     """The solution as tables on stdout."""
     from rich.table import Table
 
@@ -171,7 +182,7 @@ def _show(robot: Robot, angles: Angles, s: Solution, hints: Sequence[str]) -> No
         " ".join(limit.removeprefix(name) for limit in s.active_limits if limit.rsplit(" ", 1)[0] == name).strip()
         for name in robot.joint_names
     ]
-    out.print(joint_table(robot.joint_names, angles.write(s.q), angles.units, remarks))
+    out.print(joint_table(robot.joint_names, units.write(s.q), units.joints, remarks))
     table = Table(show_header=False)
     table.add_row("position error [m]", f"{s.position_error:.3g}")
     table.add_row("orientation error [rad]", f"{s.orientation_error:.3g}")
@@ -185,19 +196,19 @@ def _show(robot: Robot, angles: Angles, s: Solution, hints: Sequence[str]) -> No
     out.print(table)
 
 
-def _all_as_json(robot: Robot, angles: Angles, solutions: Solutions) -> dict[str, Any]:
+def _all_as_json(robot: Robot, units: Units, solutions: Solutions) -> dict[str, Any]:
     return {
         "robot": robot.name,
         "tip": robot.tip,
         "joint_names": robot.joint_names,
-        "q_units": angles.units,
+        "q_units": units.joints,
         "method": solutions.method,
         "is_complete": solutions.is_complete,
         "starts": solutions.starts,
         "starts_without_new": solutions.starts_without_new,
         "solutions": [
             {
-                "q": angles.write(one.q),
+                "q": units.write(one.q),
                 "cost": one.cost,
                 "position_error": one.position_error,
                 "orientation_error": one.orientation_error,
@@ -207,7 +218,7 @@ def _all_as_json(robot: Robot, angles: Angles, solutions: Solutions) -> dict[str
     }
 
 
-def _show_all(robot: Robot, angles: Angles, solutions: Solutions) -> None:
+def _show_all(robot: Robot, units: Units, solutions: Solutions) -> None:
     """The solutions on stdout: a table with a row each, or, where that is too wide, some lines each."""
     from rich.measure import Measurement
     from rich.table import Table
@@ -221,10 +232,10 @@ def _show_all(robot: Robot, angles: Angles, solutions: Solutions) -> None:
     )
     if solutions.starts:
         out.print(f"{solutions.starts} random starts, {solutions.starts_without_new} since the last new solution")
-    headings = [f"{name} [{unit}]" for name, unit in zip(robot.joint_names, angles.units, strict=True)]
+    headings = [f"{name} [{unit}]" for name, unit in zip(robot.joint_names, units.joints, strict=True)]
     table = Table(*headings, "posture cost", "error [m]", "error [rad]")
     for one in solutions:
-        values = [f"{value:.5f}" for value in angles.write(one.q)]
+        values = [f"{value:.5f}" for value in units.write(one.q)]
         table.add_row(*values, f"{one.cost:.5g}", f"{one.position_error:.1e}", f"{one.orientation_error:.1e}")
     for column in table.columns:
         column.justify = "right"
@@ -236,5 +247,5 @@ def _show_all(robot: Robot, angles: Angles, solutions: Solutions) -> None:
             f"{i}. posture cost {one.cost:.5g}, {one.position_error:.1e} m and {one.orientation_error:.1e} rad off",
             style="bold",
         )
-        values = [f"{value:.5f} {unit}" for value, unit in zip(angles.write(one.q), angles.units, strict=True)]
+        values = [f"{value:.5f} {unit}" for value, unit in zip(units.write(one.q), units.joints, strict=True)]
         out.print("\n".join(columns(joint_entries(robot.joint_names, values), out.width, len(values))))

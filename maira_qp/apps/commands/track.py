@@ -18,7 +18,7 @@ from maira_qp.errors import OptionError, PoseError
 from maira_qp.problem.options import Options
 
 if TYPE_CHECKING:
-    from maira_qp.apps.arguments.output import Angles
+    from maira_qp.apps.arguments.output import Units
     from maira_qp.io.poses import Poses
     from maira_qp.problem.tasks.frame import PoseTask
     from maira_qp.results.path_solution import PathSolution
@@ -70,7 +70,8 @@ class Track:
     jerk: JointValues = None
     """Largest jerks for --timed [rad/s^3, or deg/s^3 with --deg; m/s^3]; none: not limited."""
     tool_speed: float | None = None
-    """Speed of the tool for --timed [m/s], held where the joints allow it; none: as fast as they allow."""
+    """Speed of the tool for --timed [m/s, or mm/s with --mm], held where the joints allow it; none: as fast as
+    possible."""
     sample_time: float = 0.01
     """From sample to sample with --timed [s]; > 0."""
     output: Path | None = None
@@ -85,21 +86,23 @@ class Track:
     options: SolverFlags = field(default_factory=Options)
     deg: tyro.conf.FlagCreatePairsOff[bool] = False
     """Angles on the command line and in the file of the poses in degrees; --output and tolerances stay in rad."""
+    mm: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Lengths on the command line and in the file of the poses in mm; --output and tolerances stay in m."""
     json: tyro.conf.FlagCreatePairsOff[bool] = False
     """The summary as one JSON value on stdout."""
 
     def run(self) -> int:
         """Follows, writes, draws and prints a summary; the exit code as the class says."""
-        from maira_qp.apps.arguments.output import VERDICTS, Angles, print_json, progress_bar
+        from maira_qp.apps.arguments.output import VERDICTS, Units, print_json, progress_bar
         from maira_qp.solvers.solver import Solver
 
         self._check_flags()
         seed, robot = checked_seed(self.seed), self.choice.load()
-        angles, solver = Angles(robot, self.deg), Solver(robot, task=self._task(), options=self.options)
-        poses = self._read(robot, angles)
-        q0 = self._start(poses, angles)
-        step = None if self.max_step is None else _limits(self.max_step, "--max-step", angles)
-        limits = self._motion_limits(angles)
+        units, solver = Units(robot, self.deg, self.mm), Solver(robot, task=self._task(), options=self.options)
+        poses = self._read(robot, units)
+        q0 = self._start(poses, units)
+        step = None if self.max_step is None else _limits(self.max_step, "--max-step", units)
+        limits = self._motion_limits(units)
         output = self.output or self.poses.with_suffix(f".path{self.poses.suffix}")
         self._check_files(output, poses)
         begin, targets = time.monotonic(), poses.targets(slice(None))
@@ -120,7 +123,7 @@ class Track:
         found = _summary(robot, path, poses, trajectory, seconds, q0)
         found |= {"not_timed": self.timed and trajectory is None, "files": [str(each) for each in written]}
         with reader_may_leave():
-            print_json(found | {"q_units": path.q_units}) if self.json else _show(path, trajectory, found, angles)
+            print_json(found | {"q_units": path.q_units}) if self.json else _show(path, trajectory, found, units)
         return VERDICTS[_verdict(path)]
 
     def _task(self) -> PoseTask | None:
@@ -140,7 +143,7 @@ class Track:
         if not 0 < self.sample_time < np.inf:
             raise OptionError(f"--sample-time must be a positive number of seconds, got {self.sample_time}")
 
-    def _read(self, robot: Robot, angles: Angles) -> Poses:
+    def _read(self, robot: Robot, units: Units) -> Poses:
         """The poses. Raises `PoseError` for a row without one, and for a file without rows."""
         from maira_qp.io.poses import read_poses
         from maira_qp.problem.targets import FARTHEST
@@ -148,8 +151,9 @@ class Track:
         poses = read_poses(
             self.poses,
             robot.joint_names,
-            radian=angles.one,
-            scale=angles.write(np.ones(robot.n)),
+            radian=units.radian,
+            metre=units.metre,
+            scale=units.scale,
             farthest=FARTHEST * robot.length,
             project=self.project,
         )
@@ -161,22 +165,26 @@ class Track:
             raise PoseError(f"{poses.table.where(row)}: a cell is empty or not finite; a path needs every pose")
         return replace(poses, valid=valid)
 
-    def _start(self, poses: Poses, angles: Angles) -> np.ndarray | None:
+    def _start(self, poses: Poses, units: Units) -> np.ndarray | None:
         """The configuration (n,) at the first pose, or None. Raises `OptionError` for two of them."""
         if self.q0 is None:
             starts = poses.starts(slice(0, 1))
             return None if starts is None else starts[0]
         if poses.layout.start:
             raise OptionError(f"--q0 and the columns q0_... of {self.poses} both give a start; leave one out")
-        return angles.read(self.q0, "--q0")
+        return units.read(self.q0, "--q0")
 
-    def _motion_limits(self, angles: Angles) -> dict[str, Any]:
+    def _motion_limits(self, units: Units) -> dict[str, Any]:
         """The arguments of `PathSolution.timed`."""
         limits = {name: getattr(self, name) for name in ("velocity", "acceleration", "jerk")}
         read = {
-            name: None if values is None else _limits(values, f"--{name}", angles) for name, values in limits.items()
+            name: None if values is None else _limits(values, f"--{name}", units) for name, values in limits.items()
         }
-        return {**read, "tool_speed": self.tool_speed, "dt": self.sample_time}
+        return {
+            **read,
+            "tool_speed": None if self.tool_speed is None else self.tool_speed / units.metre,
+            "dt": self.sample_time,
+        }
 
     def _check_files(self, output: Path, poses: Poses) -> None:
         """Before a long run. Raises `OptionError`."""
@@ -211,9 +219,9 @@ class Track:
         return written
 
 
-def _limits(values: tuple[float, ...], name: str, angles: Angles) -> np.ndarray:
+def _limits(values: tuple[float, ...], name: str, units: Units) -> np.ndarray:
     """Limits (n,) of the joints, from one for all or one each. Raises `ConfigurationError`."""
-    return angles.read(tuple(values) * len(angles.units) if len(values) == 1 else values, name)
+    return units.read(tuple(values) * len(units.joints) if len(values) == 1 else values, name)
 
 
 def _verdict(path: PathSolution) -> str:
@@ -282,7 +290,7 @@ def _in_words(first: int, last: int) -> str:
     return f"poses {first} to {last}" if first < last else f"pose {first} alone"
 
 
-def _show(path: PathSolution, trajectory: Trajectory | None, found: dict[str, Any], angles: Angles) -> None:
+def _show(path: PathSolution, trajectory: Trajectory | None, found: dict[str, Any], units: Units) -> None:
     """The summary as tables on stdout, for 80 columns."""
     from rich.table import Table
 
@@ -300,10 +308,10 @@ def _show(path: PathSolution, trajectory: Trajectory | None, found: dict[str, An
     joints = Table()
     for heading in ("joint", "from", "to", "largest step", "allowed"):
         joints.add_column(heading, justify="left" if heading == "joint" else "right")
-    steps, allowed = angles.write(found["largest_steps"]), angles.write(found["allowed_steps"])
-    low, high = angles.write(path.q.min(axis=0)), angles.write(path.q.max(axis=0))
+    steps, allowed = units.write(found["largest_steps"]), units.write(found["allowed_steps"])
+    low, high = units.write(path.q.min(axis=0)), units.write(path.q.max(axis=0))
     for i, name in enumerate(path.joint_names):
-        numbers = f"{low[i]:.4f}", f"{high[i]:.4f} {angles.units[i]}", f"{steps[i]:.4f}", f"{allowed[i]:.4g}"
+        numbers = f"{low[i]:.4f}", f"{high[i]:.4f} {units.joints[i]}", f"{steps[i]:.4f}", f"{allowed[i]:.4g}"
         joints.add_row(name, *numbers)
     out.print(joints)
     table = Table(show_header=False)

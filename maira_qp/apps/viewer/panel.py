@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import viser
 
-from maira_qp.apps.arguments.output import Angles
+from maira_qp.apps.arguments.output import Units
 from maira_qp.apps.arguments.robot_choice import CATALOG
 from maira_qp.apps.viewer import readout
 from maira_qp.apps.viewer.controls import Ask, Slider, add_saving
@@ -142,11 +142,11 @@ class JointsTab:
     """A slider for each joint, in degrees, or in metres where it slides."""
 
     def __init__(self, gui: viser.GuiApi, session: Session, ask: Ask) -> None:
-        robot, angles = session.robot, Angles(session.robot, degrees=True)
-        self._scale = angles.write(np.ones(robot.n))
+        robot, units = session.robot, Units(session.robot, degrees=True)
+        self._scale = units.scale
         self._sliders: list[Slider] = []
         for i, name in enumerate(robot.joint_names):
-            step = 0.1 if angles.units[i] == "deg" else 0.001
+            step = 0.1 if units.joints[i] == "deg" else 0.001
             lower, upper = robot.lower[i] * self._scale[i], robot.upper[i] * self._scale[i]
             if np.isfinite(upper - lower):  # rounded outwards: the session keeps the limits
                 lower, upper = step * np.floor(lower / step + 1e-6), step * np.ceil(upper / step - 1e-6)
@@ -154,7 +154,7 @@ class JointsTab:
                 lower, upper = -WHOLE_TURN, WHOLE_TURN
             lower, upper = round(float(lower), 4), round(float(upper), 4)
             value = min(max(float(session.q[i] * self._scale[i]), lower), upper)
-            handle = gui.add_slider(f"{name} [{angles.units[i]}]", lower, upper, step, value)
+            handle = gui.add_slider(f"{name} [{units.joints[i]}]", lower, upper, step, value)
             self._sliders.append(Slider(handle, self._setter(ask, i)))
 
     def _setter(self, ask: Ask, index: int) -> Callable[[float], None]:

@@ -291,6 +291,38 @@ def test_degrees_in_and_out_metres_for_sliding_joints(run, tmp_path):
     assert json.loads(out)["starts_moved_onto_limits"] == 1
 
 
+def test_millimetres_are_metres(run, tmp_path):
+    """With --mm positions, starts and answers of sliding joints are in millimetres; errors stay in metres."""
+    crane = tmp_path / "crane.toml"
+    crane.write_text(
+        'name = "crane"\n[[links]]\nkind = "revolute"\na = 0.5\n'
+        '[[links]]\nkind = "prismatic"\nlower = 0.2\nupper = 1.0\n'
+    )
+    header = "x,y,z,roll,pitch,yaw,q0_joint1,q0_joint2\n"
+    (tmp_path / "metres.csv").write_text(header + "0,0.5,0.25,0,0,1.57,1.5,0.3\n0,0.5,0.1,0,0,1.57,1.5,0.3\n")
+    (tmp_path / "poses.csv").write_text(header + "0,500,250,0,0,1.57,1.5,300\n0,500,100,0,0,1.57,1.5,300\n")
+    assert run(tmp_path / "metres.csv", "--robot", crane)[0] == run(tmp_path / "poses.csv", "--robot", crane, "--mm")[0]
+    expected, found = read(tmp_path / "metres.solved.csv"), read(tmp_path / "poses.solved.csv")
+    np.testing.assert_allclose(found["q_joint2"], 1000 * expected["q_joint2"])
+    for name in ("q_joint1", "position_error"):
+        np.testing.assert_allclose(found[name], expected[name], atol=1e-12)
+    out = run(tmp_path / "poses.csv", "--robot", crane, "--json")[1]
+    assert any("--mm" in hint for hint in json.loads(out)["hints"])
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_positions_without_orientations(run, tmp_path, maira, asked, kind):
+    """A file of x, y, z alone: the orientation is free, and the summary says so."""
+    path, (targets, _) = tmp_path / f"points.{kind}", asked
+    write(path, dict(zip("xyz", targets[:, :3, 3].T, strict=True)))
+    code, out, _ = run(path, "--json")
+    summary = json.loads(out)
+    assert code == 0
+    assert summary["positions_alone"] == len(targets)
+    for q, T in zip(joint_values(read(tmp_path / f"points.solved.{kind}")), targets, strict=True):
+        np.testing.assert_allclose(maira.forward(q).translation, T[:3, 3], atol=1e-6)
+
+
 @pytest.mark.parametrize("kind", FORMATS)
 def test_a_row_without_a_pose_spoils_only_itself(run, tmp_path, maira, asked, kind):
     """NaN, infinity or an empty cell: that row is not solved and its errors are NaN; the others are as without it."""
@@ -478,7 +510,8 @@ def test_extreme_numbers_of_a_projected_row(run, tmp_path):
         ("x,y,z,qw,qx,qy,qz,x\n", ["more than one column is named 'x'"]),
         ("x,y,z,qw,qx,qy,q_z\n" + ROW, ["'qz'", "did you mean", "'q_z'", "roll, pitch, yaw"]),
         ("X,Y,Z,QW,QX,QY,QZ\n" + ROW, ["did you mean 'qw'", "'QW'"]),
-        ("x,y,z,label\n", ["orientation", "'label'", "qw, qx, qy, qz"]),
+        ("x,y,label\n", ["orientation", "'label'", "qw, qx, qy, qz"]),
+        ("x,y,z,qW\n", ["orientation", "did you mean 'qw'"]),
         ("px,py,pz,roll,pitch,yaw\n", ["'x', 'y', 'z'", "'px'"]),
         ("x,y,z,qw,qx,qy,qz,roll,pitch,yaw\n", ["one orientation", "'qw'", "'roll'"]),
         ("x," + ",".join(MATRIX) + "\n", ["one position"]),

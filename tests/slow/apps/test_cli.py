@@ -173,6 +173,30 @@ def test_degrees_in_and_out(run, iiwa14):
     np.testing.assert_allclose(iiwa14.forward(radians["q"]).rotation, mq.pose([0, 0, 0], rpy=rpy).rotation, atol=1e-5)
 
 
+def test_millimetres_in_and_out(run, tmp_path, maira):
+    flags = ("--quaternion", 0, 1, 0, 0, "--json")
+    _, metres, _ = run("solve", "--position", 0.4, 0.2, 0.9, *flags)
+    _, millimetres, _ = run("solve", "--position", 400, 200, 900, *flags, "--mm")
+    assert json.loads(millimetres)["q"] == pytest.approx(json.loads(metres)["q"])
+    matrix = np.diag([1.0, -1, -1, 1])
+    matrix[:3, 3] = 400, 200, 900
+    np.save(tmp_path / "pose.npy", matrix)
+    _, out, _ = run("solve", "--matrix", tmp_path / "pose.npy", "--mm", "--json")
+    assert json.loads(out)["q"] == pytest.approx(json.loads(metres)["q"])
+    _, out, _ = run("fk", *json.loads(metres)["q"], "--mm", "--json")
+    assert json.loads(out)["position"] == pytest.approx([400, 200, 900], abs=1e-2)
+    assert json.loads(out)["position_unit"] == "mm"
+
+
+def test_a_position_alone(run, maira):
+    _, out, _ = run("solve", "--position", 0.4, 0.2, 0.9, "--position-only", "--json")
+    assert maira.forward(json.loads(out)["q"]).translation == pytest.approx([0.4, 0.2, 0.9], abs=1e-6)
+    assert json.loads(out)["orientation_error"] == 0
+    code, _, err = run("solve", "--position", 0.4, 0.2, 0.9, "--position-only", "--rpy", 0, 0, 0)
+    assert code == 2
+    assert "leave --rpy out" in err
+
+
 def test_sliding_joints_stay_in_metres(run, tmp_path):
     """With --deg a turning joint is in degrees and a sliding one still in metres, in and out."""
     (tmp_path / "crane.toml").write_text(
@@ -456,12 +480,13 @@ def test_compare_prints_a_table_and_saves_a_picture(run, tmp_path):
     path = tmp_path / "comparison.png"
     code, out, err = run("compare", "--targets", 3, "--picture", path)
     assert (code, err) == (0, "")
-    for text in ("dh-clamped", "weighted 0.001", "strict", "posture", "out of", "condition number"):
+    for text in ("dh-clamped", "weighted", "0.001", "fading", "strict", "posture", "out of", "condition number"):
         assert text in out
+    assert max(map(len, out.splitlines())) <= 80
     assert path.read_bytes().startswith(b"\x89PNG")
     code, out, _ = run("compare", "--targets", 2, "--picture", path, "--json")
     methods = {row["method"]: row for row in strict_json(out)["methods"]}
-    assert methods["strict"]["strict"] == 2
+    assert methods["strict"]["strict"] == methods["fading 0.001"]["strict"] == 2
     assert all(row["violations"] == 0 for row in methods.values())
 
 
