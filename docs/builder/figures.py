@@ -119,7 +119,7 @@ def nearest_point() -> Figure:
     slope = ARM.jacobian(solution.q)[:2].T @ (target.translation[:2] - ARM.forward(solution.q).translation[:2])
     plane.plot(*q, "o", color=BLUE, label="nearest point")
     plane.annotate(
-        "", q + 70 * slope / np.linalg.norm(slope), q, arrowprops={"arrowstyle": "->", "color": RED, "linewidth": 1.8}
+        "", q + 20 * slope / np.linalg.norm(slope), q, arrowprops={"arrowstyle": "->", "color": RED, "linewidth": 1.8}
     )
     plane.plot([], [], color=RED, label="where the cost falls: a limit holds it up")
     below(plane)
