@@ -8,6 +8,17 @@ where it is asked to. Options that most makers share:
 - `frame`: pose of the frame that the path is given in; the path comes back in the base.
 
 Paths are joined by `np.concatenate`; `path @ T` with T (4, 4) turns or moves the tool in its own axes.
+
+```python
+import numpy as np
+
+import maira_qp as mq
+
+corners = [mq.pose([0.5, y, 0.6], rpy=[np.pi, 0, 0]) for y in (-0.2, 0.0, 0.2)]
+there = mq.paths.polyline(corners, blend=0.05, step=0.005)
+around = mq.paths.circle(corners[1], 0.1)
+leaning = there @ mq.pose(rpy=[0.3, 0, 0]).homogeneous  # the tool leans by 0.3 rad about its x axis
+```
 """
 
 from maira_qp.paths.curves import arc, circle, spiral

@@ -46,6 +46,16 @@ def pose(
     `target_deviation` where an array was the target. At most one of `quaternion`, `rpy` and `matrix`; without any the
     orientation is the identity.
     Raises `PoseError`.
+
+    ```python
+    from math import pi
+
+    import maira_qp as mq
+
+    mq.pose([0.4, 0.2, 0.9])
+    mq.pose([0.4, 0.2, 0.9], quaternion=[0, 1, 0, 0])  # looking down
+    mq.pose([0.4, 0.2, 0.9], rpy=[pi, 0, 0])  # the same
+    ```
     """
     orientations = {"quaternion": quaternion, "rpy": rpy, "matrix": matrix}
     given = [name for name, value in orientations.items() if value is not None]

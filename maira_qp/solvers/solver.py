@@ -57,7 +57,20 @@ VERBS = ("solve", "solve_batch", "step")
 
 
 class Solver(Shown):
-    """Constrained inverse kinematics of one robot. Immutable, so it can be shared between threads, and pickled."""
+    """Constrained inverse kinematics of one robot. Immutable, so it can be shared between threads, and pickled.
+
+    ```python
+    import maira_qp as mq
+
+    robot = mq.Robot.maira()
+    solver = mq.Solver(robot, redundancy=mq.Strict(mq.Posture()))
+    target = mq.pose([0.4, 0.2, 0.9], quaternion=[0, 1, 0, 0])
+    s = solver.solve(target)  # one pose
+    batch = solver.solve_batch([target, target])  # many
+    t = solver.step(robot.middle, target, dt=0.01)  # one control tick
+    path = solver.track(mq.paths.circle(target, 0.05))  # a path
+    ```
+    """
 
     def __init__(
         self,

@@ -42,6 +42,17 @@ class Tracker(Shown):
     - while the robot is farther behind its commands than `max_following_error`.
 
     Every command keeps the limits of position, speed and acceleration as `Solver.step` does, whatever comes.
+
+    ```python
+    import maira_qp as mq
+
+    robot = mq.Robot.maira()
+    tracker = mq.Tracker(mq.Solver(robot), robot.middle)
+    target = robot.forward(robot.middle)
+    target.translation[2] -= 0.01
+    command = tracker.update(target, dt=0.01)
+    print(command.q, command.velocity, command.state, command.reason)
+    ```
     """
 
     def __init__(
