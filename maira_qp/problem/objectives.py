@@ -143,7 +143,7 @@ def checked_joint_weights(value: Any, name: str, joint_names: tuple[str, ...]) -
         return diagonal.copy() if np.array_equal(M, np.diag(diagonal)) else M
     weights = np.array(joint_values(joint_names, value, name, np.ones(n), finite=True))
     if (weights < 0).any():
-        raise OptionError(f"{name} must not be negative, got {weights.tolist()}")
+        raise OptionError(f"{name} must not be negative, but >= 0, got {weights.tolist()}")
     return weights
 
 

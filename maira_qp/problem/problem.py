@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from maira_qp.errors import ConfigurationError, OptionError, shown
+from maira_qp.problem.box import ChangeBox
 from maira_qp.problem.levels import TaskHierarchy
 from maira_qp.problem.limits.joint import AccelerationLimit, Limit, PositionLimit, VelocityLimit
 from maira_qp.problem.objectives import LimitDistance, Posture
@@ -41,6 +42,8 @@ class Problem:
     """Hard limits beside those of the joints"""
     redundancy: Weighted | Strict | None
     options: Options
+    box: ChangeBox | None = None
+    """Of a call with `max_joint_change`: the robot's limits are those of the box"""
 
     @staticmethod
     def build(
@@ -79,6 +82,11 @@ class Problem:
     def with_redundancy(self, redundancy: Weighted | Strict | None) -> Problem:
         """The same with another redundancy, bound to the robot."""
         return replace(self, redundancy=redundancy)
+
+    def within(self, start: np.ndarray, change: np.ndarray) -> Problem:
+        """The same where no joint may be farther from a start (n,) than a change (n,). Raises `ConfigurationError`."""
+        box = ChangeBox(self.robot, start, change)
+        return replace(self, robot=box.boxed, box=box)
 
     def of_first_level(self) -> Problem:
         """The same without a redundancy and without tasks below those of the first level."""
@@ -172,13 +180,18 @@ class Problem:
     def active_limits(self, q: np.ndarray) -> list[str]:
         """Names of the limits that q (n,) stands on, those of the joints first."""
         robot, names = self.robot, []
-        for name, value, low, high in zip(robot.joint_names, q, robot.lower, robot.upper, strict=True):
+        for i, (value, low, high) in enumerate(zip(q, robot.lower, robot.upper, strict=True)):
             if value <= low + ACTIVE_WITHIN:
-                names.append(f"{name} lower")
+                names.append(self._end(i, "lower"))
             if value >= high - ACTIVE_WITHIN:
-                names.append(f"{name} upper")
+                names.append(self._end(i, "upper"))
         at = robot.at(q)
         return names + [name for limit in self.limits for name in limit.active(at)]
+
+    def _end(self, joint: int, end: str) -> str:
+        """What holds a joint at an end of its range: such as "joint4 upper", or "joint4 max_joint_change"."""
+        of_box = self.box is not None and self.box.holds_at_end(joint, end, self.robot)
+        return f"{self.robot.joint_names[joint]} {'max_joint_change' if of_box else end}"
 
     def limit_violations(self, at: Configuration) -> dict[str, float]:
         """By how much a configuration breaks the additional limits, by name, the worst first."""

@@ -22,6 +22,15 @@ class Origin(Protocol):
         """What was solved."""
         ...
 
+    @property
+    def scope(self) -> str:
+        """What verdicts hold for, see `Answer.scope`."""
+        ...
+
+    def near(self, start: np.ndarray | None) -> Origin:
+        """Where the answer from a start (n,) comes from."""
+        ...
+
     def explain(self, solution: Any) -> Any:
         """See `Solution.explain`."""
         ...
@@ -64,7 +73,8 @@ class OfProblem(Shown):
         """The robot that was solved for. Raises `OptionError` for what was pickled: a pickle does not hold it."""
         if self._origin is None:
             raise OptionError("a pickled result no longer knows its robot")
-        return self._problem.robot
+        box = self._problem.box
+        return self._problem.robot if box is None else box.robot
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
@@ -85,6 +95,11 @@ class Answer(OfProblem):
     broken_limits: Any
     max_joint_change: Any
 
+    @cached_property
+    def scope(self) -> str:
+        """What the verdict holds for: empty, or "within max_joint_change of q0" where that was asked for"""
+        return "" if self._origin is None else self._origin.scope
+
     def __getstate__(self) -> dict[str, Any]:
         own = {name: getattr(self, name) for name in OF_ROBOT}
         return {**self.__dict__, **own, "_origin": None}
@@ -95,7 +110,7 @@ class Answer(OfProblem):
         return {name: plain(getattr(self, name)) for name in (*VALUES, *OF_ROBOT)}
 
 
-OF_ROBOT = ("joint_names", "q_units", "condition_number", "active_limits", "broken_limits", "max_joint_change")
+OF_ROBOT = ("joint_names", "q_units", "condition_number", "active_limits", "broken_limits", "max_joint_change", "scope")
 
 VALUES = (
     "q",
@@ -111,5 +126,6 @@ VALUES = (
     "start_projected",
     "target_deviation",
     "left_q0",
+    "rejected",
     "backend",
 )

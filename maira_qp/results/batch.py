@@ -58,6 +58,8 @@ class BatchSolution(Answer):
     """(N,)"""
     left_q0: np.ndarray
     """(N,) of bool"""
+    rejected: np.ndarray
+    """(N,)"""
     backend: str
     _starts: np.ndarray | None = field(repr=False)
     """(N, n)"""
@@ -83,6 +85,8 @@ class BatchSolution(Answer):
     @cached_property
     def active_limits(self) -> list[list[str]]:
         """N lists"""
+        if self.scope:
+            return [one.active_limits for one in self]
         robot = self._problem.robot
         lower, upper = robot.lower + ACTIVE_WITHIN, robot.upper - ACTIVE_WITHIN
         on_a_limit = (self.q <= lower) | (self.q >= upper) | bool(self._problem.additional_limits)
@@ -116,6 +120,7 @@ class BatchSolution(Answer):
             start_projected=np.zeros(count, dtype=bool),
             target_deviation=targets.deviations,
             left_q0=np.zeros(count, dtype=bool),
+            rejected=np.zeros(count, dtype=np.int64),
             backend=backend,
             _starts=starts,
             _targets=targets.rows,
@@ -135,6 +140,12 @@ class BatchSolution(Answer):
             numbers[invalid] = np.nan
         for counts in (self.success, self.optimal, self.start_projected, self.iterations, self.restarts):
             counts[invalid] = 0
+
+    def put_some(self, some: np.ndarray, answers: BatchSolution) -> None:
+        """Make these the answers with numbers (k,)."""
+        for name in VALUES:
+            if name not in ("backend", "target_deviation"):
+                getattr(self, name)[some] = getattr(answers, name)
 
     def put_arrays(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Write these fields of all answers."""
@@ -158,6 +169,7 @@ class BatchSolution(Answer):
             title=f"BatchSolution: {', '.join([f'{len(self)} target{plural}', *reach])}",
             facts=(
                 ("status", ", ".join(f"{count} {name}" for name, count in counts.most_common())),
+                ("verdicts hold", self.scope),
                 ("position error [m]", _spread(self.position_error)),
                 ("orientation error [rad]", _spread(self.orientation_error)),
                 ("iterations", _spread(self.iterations)),
@@ -191,14 +203,15 @@ class BatchSolution(Answer):
             starts, targets = None if self._starts is None else self._starts[i], self._targets[i]
             return BatchSolution(**arrays, backend=self.backend, _starts=starts, _targets=targets, _origin=self._origin)
         values = {name: getattr(self, name)[i] for name in VALUES if name not in ("q", "status", "backend")}
+        start = None if self._starts is None else self._starts[i]
         return Solution(
             q=self.q[i].copy(),
             status=Status(int(self.status[i])),
             **{name: value.item() for name, value in values.items()},
             backend=self.backend,
-            _start=None if self._starts is None else self._starts[i],
+            _start=start,
             _target=self._targets[i],
-            _origin=self._origin,
+            _origin=None if self._origin is None else self._origin.near(start),
         )
 
     def __iter__(self) -> Iterator[Solution]:

@@ -93,6 +93,8 @@ class Explanation(Shown):
     """What proves `UNREACHABLE`"""
     is_compromise: bool
     """`Weighted` holds the tool off a pose that can be reached"""
+    scope: str = ""
+    """What all of this holds for, see `Solution.scope`"""
     hints: tuple[str, ...] = ()
     """What looks like another unit than metres and radians, a sentence each"""
     broken: tuple[BrokenLimit, ...] = ()
@@ -114,6 +116,7 @@ class Explanation(Shown):
             "starts_without": self.starts_without,
             "is_reached_within": self.is_reached_within,
             "is_compromise": self.is_compromise,
+            "scope": self.scope,
             "hints": self.hints,
             "proof": None if self.proof is None else self.proof.words,
         }
@@ -153,6 +156,11 @@ def _sentences(why: Explanation) -> Iterator[str]:
 
 
 def _reasons(why: Explanation) -> Iterator[str]:
+    if why.scope:
+        yield f"All of this is {why.scope}, whose box counts as limits."
+    if why.status is Status.REJECTED:
+        yield "The target is reached, but accept rejected every configuration that was found to reach it."
+        return
     if why.status is Status.LIMITS_BROKEN:
         broken = " and ".join(f"{one.name} by {_amount(one.amount, one.unit)}" for one in why.broken)
         yield f"No configuration was found that keeps the limits beside those of the joints: this one breaks {broken}."

@@ -63,6 +63,8 @@ class Solution(Answer):
     _target: np.ndarray = field(repr=False)
     """The poses (K, 12) that were asked for, see `Targets`"""
     _origin: Origin | None = field(default=None, repr=False)
+    rejected: int = 0
+    """How many configurations the test `accept` rejected"""
 
     def __bool__(self) -> bool:
         return self.success
@@ -70,12 +72,13 @@ class Solution(Answer):
     def _card(self) -> Card:
         numbers = [f"{value:.4f} {unit}" for value, unit in zip(self.q, self.q_units, strict=True)]
         return Card(
-            title=f"Solution: {self.status.name}, {self.status.meaning}",
+            title=f"Solution: {self.status.name}, {self.status.meaning}{f', {self.scope}' if self.scope else ''}",
             facts=(
                 ("error", f"{self.position_error:.3g} m, {self.orientation_error:.3g} rad"),
                 ("effort", f"{self.iterations} iterations, {self.restarts} restarts, {self.backend}"),
                 ("condition number", f"{self.condition_number:.4g}"),
                 ("cost", f"{self.cost:.6g}{'' if self.optimal else ', not optimal'}" if np.isfinite(self.cost) else ""),
+                ("rejected by accept", str(self.rejected) if self.rejected else ""),
                 ("active limits", ", ".join(self.active_limits)),
                 ("broken limits", ", ".join(f"{name} by {x:.3g}" for name, x in self.broken_limits.items())),
                 ("hint", " ".join(self.hints)),
@@ -87,6 +90,11 @@ class Solution(Answer):
                 for name, number in zip(self.joint_names, numbers, strict=True)
             ],
         )
+
+    @property
+    def q0(self) -> np.ndarray | None:
+        """The start (n,) [rad or m], of several the one that the answer is from; None: there was none"""
+        return None if self._start is None else self._start.copy()
 
     @cached_property
     def max_joint_change(self) -> float:

@@ -34,6 +34,8 @@ class Status(NamedEnum):
     """The target of a batch holds NaN or inf: nothing was solved, and `q` and all numbers are NaN."""
     LIMITS_BROKEN = 5
     """No configuration was found that keeps the limits beside those of the joints: see `broken_limits`."""
+    REJECTED = 6
+    """The pose is reached, but `accept` rejected every configuration that was found to reach it: see `rejected`."""
 
     @property
     def meaning(self) -> str:
@@ -48,6 +50,7 @@ _MEANINGS = {
     Status.BUDGET_SPENT: "the budget was spent before the pose was reached or a nearest point found",
     Status.INVALID_TARGET: "the target holds NaN or inf: nothing was solved",
     Status.LIMITS_BROKEN: "no configuration within the further limits was found; this one breaks them",
+    Status.REJECTED: "the pose is reached, but accept rejected every configuration that was found",
 }
 
 

@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from maira_qp.arrays import is_native
 from maira_qp.errors import BackendError, listed, shown
+from maira_qp.problem.box import SCOPE
 from maira_qp.problem.limits.joint import Tick
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.backends import Backend, available
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
     from maira_qp.solvers.compiled.step import CompiledTick
 
 COMPILED = "compiled"
+
+ASKED = "a QP backend was asked for"
 
 SOLVES = (
     (
@@ -129,6 +132,8 @@ class Engines:
     """Takes the problem's control ticks but for its additional limits, if it can"""
     tick_refusal: str
     """Why it cannot"""
+    change: np.ndarray | None = None
+    """Of a batch with `max_joint_change` (n,) [rad or m]: each answer is from the engines of its own box"""
 
     @staticmethod
     def build(problem: Problem, backend: str | Backend | None = None) -> Engines:
@@ -136,7 +141,7 @@ class Engines:
         if backend is not None and not isinstance(backend, (str, Backend)):
             raise BackendError(f"backend must be a name or mq.Backend(name, settings), got {shown(backend)}")
         compiled = compiled_tick = None
-        refusal = tick_refusal = "a QP backend was asked for"
+        refusal = tick_refusal = ASKED
         if backend is None or backend == COMPILED:
             from maira_qp.solvers.compiled import engine, problem_arrays, step  # heavy: Numba comes with it
 
@@ -165,6 +170,23 @@ class Engines:
             screening=None if self.reference.screening is None else compiled,
         )
         return replace(self, problem=problem, reference=reference, compiled=compiled)
+
+    def within(self, start: np.ndarray, change: np.ndarray) -> Engines:
+        """The same where no joint may be farther from a start (n,) than a change (n,). Raises `ConfigurationError`."""
+        return Engines.build(self.problem.within(start, change), self.backend if self.refusal == ASKED else None)
+
+    def boxed_by(self, change: np.ndarray) -> Engines:
+        """The same for a batch whose answers are within a change (n,) of their starts."""
+        return replace(self, change=change)
+
+    def near(self, start: np.ndarray | None) -> Engines:
+        """The engines that answered from a start (n,)."""
+        return self if self.change is None or start is None else self.within(start, self.change)
+
+    @property
+    def scope(self) -> str:
+        """What verdicts hold for: empty, the limits of the joints, or the box about a start as well."""
+        return SCOPE if self.change is not None or self.problem.box is not None else ""
 
     @property
     def backend(self) -> Backend:
@@ -226,7 +248,7 @@ class Engines:
             reached, spent = arrived > 0.0, spent + more
             optimal = gradient <= self.problem.options.stationarity_tolerance
         if not optimal or not self.is_compiled_whole:
-            return self._from_here(self.reference.finish(q, outcome, row, q0))
+            return self.from_here(self.reference.finish(q, outcome, row, q0))
         return solution_of(
             q=q,
             success=reached,
@@ -251,9 +273,10 @@ class Engines:
         self, targets: Targets, q0: np.ndarray | None, seed: np.ndarray, observe: Observer | None = None
     ) -> Solution:
         solution = self.reference.solve(targets, q0, seed, observe)
-        return self._from_here(solution, float(targets.deviations[0]))
+        return self.from_here(solution, float(targets.deviations[0]))
 
-    def _from_here(self, solution: Solution, deviation: float = 0.0) -> Solution:
+    def from_here(self, solution: Solution, deviation: float = 0.0) -> Solution:
+        """A solution of the reference engine, which knows its origin."""
         return replace(solution, target_deviation=deviation, _origin=self)
 
     def _native(self, target: Any) -> np.ndarray:

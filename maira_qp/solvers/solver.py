@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,7 +34,7 @@ from maira_qp.results.step import Step
 from maira_qp.robots.model.joint_values import joint_array, joint_values
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.dispatch import Choice, Engines
-from maira_qp.solvers.enumeration.closest import check_preference, posture_at
+from maira_qp.solvers.selection import Demands, answer, answer_each, best_of, starts_of
 from maira_qp.solvers.tools import MOST_TOOLS, key_of, names_for, on_frames
 
 if TYPE_CHECKING:
@@ -213,6 +212,8 @@ class Solver(Shown):
         tool: Any = None,
         in_frame: str | None = None,
         base: Any = None,
+        accept: Callable[[np.ndarray], bool] | None = None,
+        max_joint_change: Any = None,
     ) -> Solution:
         """Compute joint values that put the tool at the target.
 
@@ -231,6 +232,9 @@ class Solver(Shown):
                 after the trade-off counts. From there the redundancy is optimised along the self-motion. Each joint
                 ends at the whole turn nearest to q0, or, where the objective is higher there, at one nearer to the
                 optimum.
+                Several starts (K, n): the target is solved from each, and the best answer counts: success first, then
+                the least objective of the redundancy (`Weighted`: weighted sum), without one the least displacement
+                from its own start; where none reaches the target the least error |W e|. `s.q0` is its start.
             rng: generator or seed of the random starts; None: seed 0, so that the same call gives the same answer.
                 Other seeds begin elsewhere, and may find another configuration that reaches the target.
             observe: callback, called with each iterate (n,), starts included; the reference engine runs then.
@@ -238,26 +242,40 @@ class Solver(Shown):
                 `cost` is then half: for this call that distance takes the place of the solver's redundancy. Global for
                 S-R-S arms, as complete as the list for others, and without regard to the deadline. Where no solution is
                 known, the usual verdict from q0. None: the first that is found.
-            metric: joint weights (n,), >= 0, or {joint name: weight}, in which others count 1; None: 1.
+            metric: joint weights (n,), >= 0, or {joint name: weight}, in which others count 1, or a matrix M (n, n) for
+                `(q - q0)^T M (q - q0)`; None: 1.
             tool: T_tip_tool, a tool in the tip for this call, as for `with_tool`; kept for later calls.
             in_frame: frame of the robot in which the target's poses are given, such as that of a camera, as it stands
                 at q0; without q0 one that does not move.
             base: T_room_base: where the base stands in the room in which the target's poses are given.
+            accept: test of one's own, f(q) -> bool of a read-only q (n,): an answer that reaches the target counts only
+                if it returns True. Else others are looked for, and the best that is accepted is returned: other
+                branches and whole turns, and places along the self-motion, from which the redundancy is settled as far
+                as what is accepted goes. f may be called some thousand times; what it raises passes. If none is
+                accepted, the status is REJECTED, and q is the usual answer; `s.rejected` is how many were rejected.
+            max_joint_change: hard limits about q0 for this call: no joint of the answer is farther from q0 than this, a
+                number, (n,), or {joint name: value} with others free [rad or m]. What is said of limits then holds
+                within that box, and `s.scope` says so: UNREACHABLE is no verdict on the arm itself.
 
         Raises `PoseError`, `ConfigurationError`, `OptionError` for invalid arguments; an outcome is a `Status`.
         """
         seed = SEED_0 if rng is None else checked_seed(rng)
         check_callable(observe, "observe", OptionError)
         solver = self._for(tool)
-        is_plain = in_frame is None and prefer is None and is_native(q0, (self.robot.n,))
+        wishes = {"prefer": prefer, "metric": metric, "accept": accept, "max_joint_change": max_joint_change}
+        demands = Demands.checked(self.robot, q0, observe=observe, **wishes)
+        starts = None if is_native(q0, (self.robot.n,)) else starts_of(q0, solver.problem)
+        if starts is not None:
+            placed = [solver._in_base(target, start, in_frame, base) for start in starts]
+            targets = map(solver.problem.target, placed)
+            each = zip(targets, starts, strict=True)
+            return best_of([answer(solver.engines, one, start, seed, demands, observe) for one, start in each])
+        is_plain = in_frame is None and demands is None and is_native(q0, (self.robot.n,))
         start = q0 if is_plain else solver.problem.start(q0)
         target = solver._in_base(target, start, in_frame, base)
-        if prefer is not None or metric is not None:
-            check_preference(prefer, start, observe)
-            targets = solver.problem.target(target)
-            posture = posture_at(start, metric, self.robot)  # type: ignore[arg-type]
-            return replace(solver._closest(targets, posture, seed), target_deviation=float(targets.deviations[0]))
-        return solver.engines.solve(target, start, seed, observe)
+        if demands is None:
+            return solver.engines.solve(target, start, seed, observe)
+        return answer(solver.engines, solver.problem.target(target), start, seed, demands, observe)
 
     def solve_batch(
         self,
@@ -272,6 +290,8 @@ class Solver(Shown):
         tool: Any = None,
         in_frame: str | None = None,
         base: Any = None,
+        accept: Callable[[np.ndarray], bool] | None = None,
+        max_joint_change: Any = None,
     ) -> BatchSolution:
         """`solve` for each of N targets: `batch[i].q` is that of `solve(targets[i], q0, rng=seed)`.
 
@@ -288,7 +308,8 @@ class Solver(Shown):
             seed: non-negative integer.
             threads: number of threads of the compiled engine; None: one per processor. No answer depends on it.
             progress: callback, called from this thread with the number of targets that are done and their total.
-            prefer, metric, tool, in_frame: as for `solve`.
+            prefer, metric, tool, in_frame, accept, max_joint_change: as for `solve`; with `max_joint_change` targets
+                that share a start are solved together, and each start takes some milliseconds more.
             base: T_room_base as for `solve`, or (N, 4, 4) one for each target, or for one target.
 
         Raises `PoseError`, `ConfigurationError` or `OptionError`, naming the target, before anything is solved.
@@ -305,19 +326,11 @@ class Solver(Shown):
         asked = solver.problem.targets(targets)
         starts = solver.problem.starts(q0, len(asked))
         words = checked_seed(seed)
-        if prefer is None and metric is None:
+        wishes = {"prefer": prefer, "metric": metric, "accept": accept, "max_joint_change": max_joint_change}
+        demands = Demands.checked(self.robot, starts, **wishes)
+        if demands is None:
             return solver.engines.solve_batch(asked, starts, words, threads, progress)
-        check_preference(prefer, starts)
-        postures = [posture_at(start, metric, self.robot) for start in starts]  # type: ignore[union-attr]
-        batch = BatchSolution.blank(solver.engines, self.backend, starts, asked)
-        batch.q[:] = self.robot.middle
-        for i, is_finite in enumerate(asked.is_finite):
-            if is_finite:
-                batch.put(i, solver._closest(asked[i], postures[i], words))
-            if progress is not None:
-                progress(i + 1, len(asked))
-        batch.refuse(~asked.is_finite)
-        return batch
+        return answer_each(solver.engines, asked, starts, words, threads, progress, demands)
 
     def solutions(
         self,
@@ -353,25 +366,6 @@ class Solver(Shown):
         seed = SEED_0 if rng is None else checked_seed(rng)
         targets = solver.problem.target(solver._in_base(target, None, in_frame, base))
         return all_solutions(engine.context, engine.compiled, targets, objective.of(solver.robot), seed)
-
-    def _closest(self, targets: Targets, posture: Posture, seed: np.ndarray) -> Solution:
-        """The nearest of all solutions to a posture, settled there, and of what is found from it.
-
-        A list that is not complete may lack what a descent from the posture leads to.
-        """
-        from maira_qp.solvers.enumeration.all_solutions import nearest_solution
-
-        q0, poses, problem = posture.q_ref, targets.poses(), self.problem.with_redundancy(Strict(posture))
-        by_distance = self.engines.with_problem(problem)
-        engine = by_distance.reference
-        q = nearest_solution(engine.context, engine.compiled, targets, posture, seed)
-        near = by_distance.solve(poses, q0, seed)
-        if q is None:
-            return near
-        listed = by_distance.solve(poses, q, seed)
-        if near.success and not (listed.success and listed.cost < near.cost):
-            return near
-        return replace(listed, _start=q0, left_q0=near.left_q0, start_projected=near.start_projected)
 
     def track(
         self,

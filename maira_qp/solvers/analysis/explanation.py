@@ -95,6 +95,7 @@ def explain(solution: Solution, poses: Poses, context: Context, resolve: Resolve
         proof=solution.proof,
         is_compromise=weighs and question.solved_without([]).success,
         hints=solution.hints,
+        scope=solution.scope,
     )
 
 

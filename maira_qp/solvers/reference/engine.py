@@ -42,6 +42,9 @@ if TYPE_CHECKING:
     from maira_qp.solvers.certificates import Proofs
     from maira_qp.solvers.compiled.engine import Compiled
 
+Accepts = Callable[[np.ndarray], bool] | None
+"""A test of configurations (n,) that reach the tasks; None: all are accepted"""
+
 TOGETHER = 30
 """Restarts of the search for a configuration that meets the tasks of all levels at once: then no level has to yield."""
 
@@ -167,13 +170,24 @@ class ReferenceEngine:
         """It is proved that the target cannot be reached."""
         return self._proofs is not None and self._proofs.proof(poses) is not None
 
-    def reached(self, cost: TaskCost) -> Reached:
-        """Whether a configuration counts as there: tasks within their tolerances, limits kept, those of tasks too."""
+    def settled_from(self, q: np.ndarray, target: np.ndarray, q0: np.ndarray | None, accepts: Accepts) -> Solution:
+        """From q (n,) that reaches a target (K, 12), with steps that stay accepted: the redundancy's optimum."""
+        cost, wish = self.problem.costs(poses_of(self.problem.frames, target))
+        at, start = self.context.robot.at(q), None if q0 is None else self.context.robot.clip(q0)
+        found = Search(Descent(at, cost.value(at), True), 0)
+        return self._finish(found, cost, wish, self.reached(cost, accepts), Budget(None), target, q0, start)
+
+    def reached(self, cost: TaskCost, accepts: Accepts = None) -> Reached:
+        """Whether a configuration counts as there: tasks within their tolerances, limits kept, those of tasks too.
+
+        And `accepts` accepts it, if it is given.
+        """
         wishes = [task for task in cost.tasks if isinstance(task, LimitTask)]
 
         def reached(at: Configuration) -> bool:
             is_there = bool(self.problem.is_reached(*residual(cost, at))) and not self.context.broken(at)
-            return is_there and all(wish.is_kept(at) for wish in wishes)
+            is_kept = is_there and all(wish.is_kept(at) for wish in wishes)
+            return is_kept and (accepts is None or accepts(at.q))
 
         return reached
 
@@ -206,7 +220,7 @@ class ReferenceEngine:
         at, gradient = self._refined(best, cost, wish, reached, budget)
         for _ in range(TURNINGS):
             nearer = turned(at, near, self.context, costs)
-            if nearer is at:
+            if nearer is at or (reached(at) and not reached(nearer)):
                 break
             best = replace(best, at=nearer, cost=cost.value(nearer))  # limits that held joints up may be a turn away
             at, gradient = self._refined(best, cost, wish, reached, budget)
