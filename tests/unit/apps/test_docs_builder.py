@@ -1,0 +1,74 @@
+"""What the documentation's builder makes of the code: docstrings, parameters, formulas, the gallery, the house."""
+
+import importlib.util
+import re
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+pytest.importorskip("mkdocs")
+pytest.importorskip("griffe")
+pytest.importorskip("latex2mathml")
+
+ROOT = Path(__file__).parents[3]
+BUILDER = ROOT / "docs" / "builder"
+PAGES = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs").rglob("*.md"))
+
+
+def builder(name: str) -> ModuleType:
+    """A module of docs/builder."""
+    if str(BUILDER) not in sys.path:
+        sys.path.append(str(BUILDER))
+    spec = importlib.util.spec_from_file_location(name, BUILDER / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_an_entry_of_several_parameters_is_one_for_each():
+    parameters = builder("parameters")
+    words = "Args:\n    q0: a start.\n    step, turn: largest\n        distances.\n    dt: time.\n"
+    assert parameters.ENTRY.sub(parameters.split, words) == (
+        "Args:\n    q0: a start.\n    step: largest\n        distances.\n    turn: see `step`.\n    dt: time.\n"
+    )
+
+
+@pytest.mark.parametrize("module", sorted(set(re.findall(r"<!-- docstring (\S+) -->", PAGES))))
+def test_the_docstrings_that_pages_show_are_there(module):
+    assert module.rpartition(".")[2] in builder("hooks").docstring(module)
+
+
+def test_a_module_without_a_docstring_is_a_fault(monkeypatch, tmp_path):
+    hooks = builder("hooks")
+    (tmp_path / "silent.py").write_text("x = 1\n")
+    monkeypatch.setattr(hooks, "ROOT", tmp_path)
+    with pytest.raises(hooks.PluginError, match="silent"):
+        hooks.docstring("silent")
+
+
+def test_formulas_become_mathml():
+    html = '<span class="arithmatex">\\(q &lt; u\\)</span><div class="arithmatex">\\[\\frac{1}{2}\\]</div>'
+    made = builder("hooks").on_page_content(html, None, None, None)
+    assert made.count("<math") == 2
+    assert "arithmatex" not in made
+    assert "<mfrac>" in made
+
+
+def test_the_gallery_shows_every_example():
+    gallery = builder("gallery")
+    scripts = {path.stem for path in (ROOT / "examples").glob("[0-9]*.py")}
+    assert {example.name for example in gallery.examples(ROOT)} == scripts
+    assert all(example.title for example in gallery.examples(ROOT))
+    assert {uri for uri, _ in gallery.files(ROOT)} == {f"examples/{name}.md" for name in scripts}
+
+
+def test_the_house_has_every_room_with_its_purpose():
+    house = builder("house")
+    rooms = {room for floor in house.floors() for room in floor}
+    folders = {path.parent.name for path in (ROOT / "maira_qp").glob("*/__init__.py")}
+    assert folders <= rooms
+    assert all(house.purpose(room) for room in rooms)
