@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
+from maira_qp.problem.redundancy import Strict
 from maira_qp.robots.model.edits import placement, unused
 from maira_qp.robots.model.robot import Robot
 
 MOST_TOOLS = 16
 """So many solvers for tools are kept, those that were made last."""
 
-NAMES, PARTS = ("frame", "reference"), ("limit", "objective", "objectives")
+NAMES, PARTS = ("frame", "reference"), ("limit", "objective")
 """Fields of tasks, limits and objectives that hold the name of a frame, and those that hold such things."""
 
 
@@ -35,6 +36,8 @@ def on_frames(value: Any, names: Mapping[str, str]) -> Any:
         return {key: on_frames(each, names) for key, each in value.items()}
     if isinstance(value, (list, tuple)):
         return type(value)(on_frames(each, names) for each in value)
+    if isinstance(value, Strict):
+        return Strict(*on_frames(value.objectives, names))
     if not is_dataclass(value) or isinstance(value, type):
         return value
     changes = dict[str, Any]()

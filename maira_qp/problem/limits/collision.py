@@ -114,7 +114,7 @@ class CollisionLimit(Limit):
         parts = [*own, *self._obstacle_parts(robot)]
         pairs = movable_pairs(robot, parts, len(own), bool(self.self_collision))
         scene = Scene(robot, parts, pairs)
-        allowed = self._allowed_pairs(scene, len(own))
+        allowed = self._allowed_pairs(scene, len(own)) | robot.may_touch
         if allowed:
             scene = Scene(robot, parts, without(pairs, parts, allowed))
         return replace(self, _scene=scene, _braking=_braking(robot, own, self.gain))

@@ -190,8 +190,7 @@ def tools(tool: Any, name: Any, tips: tuple[str, ...], frames: Sequence[str]) ->
     if not isinstance(tool, Mapping):
         if len(tips) > 1:
             raise FrameError(f"the robot has several tips, name the one that gets the tool: {{{tips[0]!r}: tool}}")
-        (tip,) = tips
-        tool, name = {tip: tool}, {tip: name}
+        tool, name = dict.fromkeys(tips, tool), dict.fromkeys(tips, name)
     elif not isinstance(name, Mapping):
         name = {tip: f"{tip}_tool" for tip in tool}
     made = list[Tool]()

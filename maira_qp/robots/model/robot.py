@@ -13,10 +13,22 @@ import pinocchio as pin
 
 from maira_qp.display import Card, Shown, joint_entries
 from maira_qp.errors import ConfigurationError, OptionError, RobotError, shown
+from maira_qp.robots.collision.urdf_geometry import collision_element
 from maira_qp.robots.dh.table import Convention, DHLink, DHTable
 from maira_qp.robots.model import catalog
 from maira_qp.robots.model.configuration import Configuration
-from maira_qp.robots.model.edits import Base, Edit, Locked, edited, new_frame, placed_values, placement, tools
+from maira_qp.robots.model.edits import (
+    Base,
+    Edit,
+    Held,
+    Locked,
+    edited,
+    new_frame,
+    placed_values,
+    placement,
+    tools,
+    without_object,
+)
 from maira_qp.robots.model.joint_limits import JointLimits
 from maira_qp.robots.model.joint_values import joint_array, joint_order
 from maira_qp.robots.model.kinematics import Kinematics
@@ -326,6 +338,55 @@ class Robot(Shown):
         """
         pose = placement(base, "base")
         return self._edited(Base(self.base, new_frame(name, self.frames, "name="), pose))
+
+    def holding(
+        self,
+        shape: Any,
+        pose: Any = None,
+        frame: str | None = None,
+        name: str = "held",
+        *,
+        touching: Iterable[str] = (),
+    ) -> Robot:
+        """The same robot with an object in its hand, which collides as its links do: `CollisionLimit` keeps it clear.
+
+        It is a link of its own, fixed to the frame, in `urdf`, exports and the viewer too. The links that are fixed to
+        that frame, and those next to it by a joint, such as the fingers of a hand, may touch it.
+
+        Args:
+            shape: `Sphere`, `Box`, `Capsule`, `Cylinder` or `Mesh` of a file; its own pose is one in the object. None:
+                what is held by that name is given up.
+            pose: of the object in the frame [m], `pin.SE3` or (4, 4); None: at its origin.
+            frame: that carries it; None: the tip.
+            name: of the object.
+            touching: further links that it may touch.
+
+        Raises `OptionError` for what is no shape, or if nothing of that name is held; `FrameError`, `PoseError`.
+        """
+        if shape is None:
+            description = replace(self._description, edits=without_object(self._description.edits, name))
+            return self._made(description.part, description, self._limits)
+        links = tuple(touching)
+        for link in links:
+            self.frame_id(link)
+        self.frame_id(frame)
+        placed = placement(np.eye(4) if pose is None else pose, "pose")
+        name = new_frame(name, self.frames, "name=")
+        return self._edited(Held(frame or self.tip, name, placed, collision_element(shape), links))
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Names of the objects that the robot holds."""
+        return tuple(edit.name for edit in self._held)
+
+    @property
+    def may_touch(self) -> set[frozenset[str]]:
+        """Pairs of an object that is held and a link that it may touch."""
+        return {frozenset((edit.name, link)) for edit in self._held for link in edit.touching}
+
+    @property
+    def _held(self) -> list[Held]:
+        return [edit for edit in self._description.edits if isinstance(edit, Held)]
 
     def locked(self, values: Mapping[str, float]) -> Robot:
         """The same robot with fewer joints: some stand at values {joint name: value} [rad, or m] from now on.
