@@ -355,8 +355,11 @@ class Solver(Shown):
             rng: as for `solve`: generator or seed of the random starts.
             tool, in_frame, base: as for `solve`.
 
-        Raises `PoseError`; `OptionError` for other tasks than one `PoseTask` of the tip, for further limits, and for a
-        robot that is no serial chain.
+        What is listed keeps the limits beside those of the joints: of arcs it is the best of each piece that does. For
+        other tasks than one `PoseTask` of the tip, for trees and mimic joints: numerically by the reference engine,
+        which takes seconds.
+
+        Raises `PoseError`, `FrameError`.
         """
         from maira_qp.solvers.enumeration.all_solutions import all_solutions  # heavy: Numba comes with it
 

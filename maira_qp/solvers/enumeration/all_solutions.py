@@ -10,6 +10,10 @@ or clearly none; if they are in balance: forward kinematics is a map of degree z
 signs of `det J` over all solutions of a regular pose, limits aside, sum to zero; and if descents from random starts
 find no other. A pose without any branch has to be proved out of reach.
 
+Within further limits those of isolated solutions are listed that keep them; of an S-R-S arm's arcs the pieces that do
+(`arcs_within`); of other redundant arms, and for other tasks and robots, what the reference engine finds
+(`by_reference`).
+
 Where the rank of the Jacobian is the number of joints that move, solutions are isolated, singular poses aside, and each
 whole turn of a joint that fits between its limits makes one of its own. Where more move they form a continuum: each
 descent is settled at the optimum of the objective that its self-motion leads to, and the list holds these optima; of
@@ -29,7 +33,6 @@ from maira_qp.analytic.eaik import Decomposition
 from maira_qp.analytic.srs.arcs import Arc
 from maira_qp.analytic.srs.geometry import SRS
 from maira_qp.analytic.srs.optimum import best, best_of_each_arc
-from maira_qp.errors import OptionError
 from maira_qp.kernels.layout import Outcome
 from maira_qp.problem.objectives import Objective, Posture
 from maira_qp.problem.problem import Problem
@@ -44,6 +47,9 @@ from maira_qp.robots.model.robot import Robot, drawn
 from maira_qp.solvers.compiled.multi_start import descend, placed
 from maira_qp.solvers.compiled.problem_arrays import ProblemArrays, unsupported
 from maira_qp.solvers.compiled.refinement import refined
+from maira_qp.solvers.enumeration.arcs_within import APART as APART_ON_ARCS
+from maira_qp.solvers.enumeration.arcs_within import best_of_each_piece
+from maira_qp.solvers.enumeration.by_reference import ReferenceEnumeration
 from maira_qp.solvers.enumeration.exhaustive_multi_start import multi_start, new_among
 from maira_qp.solvers.reference.context import Context
 from maira_qp.solvers.reference.levenberg_marquardt import Budget
@@ -66,6 +72,7 @@ REGULAR = 1e-3
 
 NUMERICAL = "descents from random starts prove nothing"
 LOST = "descents found solutions that the closed form had lost, and there may be more"
+PIECES = f"further limits are looked at at samples, {APART_ON_ARCS:g} rad apart: what is narrower may be missed"
 TOO_MANY_TURNS = "of the whole turns within the limits only the nearest are listed"
 
 
@@ -78,14 +85,17 @@ def all_solutions(
     start: np.ndarray | None = None,
     most: int = MOST,
 ) -> Solutions:
-    """The solutions for one pose task of the tip, ranked by an objective that was made for the robot.
+    """The solutions for one target, ranked by an objective that was made for the robot.
 
     seed (2,): of what is random about a list; start (n,): where a numerical one begins; most: how many there may be,
     where whole turns make as many. `engine` None: one is made.
-    Raises `OptionError` for tasks, limits and robots whose solutions cannot be listed.
     """
-    task, robot = _listable(context.problem, targets), context.robot
+    task, robot = _of_tip(context.problem, targets), context.robot
+    if task is None:
+        return ReferenceEnumeration(context, targets, objective, seed, most).solutions(start)
     srs = SRS.of(robot)
+    if srs is not None and context.further:
+        return _on_pieces(srs, task, context, objective)
     if srs is not None:
         ranked, are_all = best_of_each_arc(srs, task.target, objective)
         items = [_listed(task, objective, robot, one.q, one.arc, one.psi) for one in ranked]
@@ -98,10 +108,10 @@ def all_solutions(
         ranking = tuple(sorted(kept, key=lambda one: one.cost))
         return Solutions(ranking, "closed form (S-R-S)", not reason, reason=reason)
     ranked_by = context.problem.with_redundancy(Strict(objective))
-    if reason := unsupported(ranked_by):
-        raise OptionError(f"solutions cannot be listed: {reason}")
     ranking_engine = ProblemArrays.build(ranked_by) if engine is None else engine.with_problem(ranked_by)
     enumeration = Enumeration(task, objective, context, ranking_engine, seed, most)
+    if context.further and not enumeration.is_isolated:
+        return ReferenceEnumeration(context, targets, objective, seed, most).solutions(start)
     decomposition = Decomposition.of(robot) if enumeration.is_isolated else None
     if decomposition is not None:
         return enumeration.by_branches(decomposition)
@@ -116,22 +126,32 @@ def nearest_solution(
     seed: np.ndarray,
 ) -> np.ndarray | None:
     """The configuration (n,) of the first of `all_solutions`, ranked by a posture; None where there is none."""
-    srs = SRS.of(context.robot)
-    if srs is not None:
-        found = best(srs, _listable(context.problem, targets).target, posture)
+    srs, task = SRS.of(context.robot), _of_tip(context.problem, targets)
+    if srs is not None and task is not None and not context.further:
+        found = best(srs, task.target, posture)
         return None if found is None else found.q
     # of whole turns the nearest alone: none is nearer to the posture
     listed = all_solutions(context, engine, targets, posture, seed, posture.q_ref, most=1)
     return listed[0].q if listed else None
 
 
-def _listable(problem: Problem, targets: Targets) -> PoseTask:
-    """The one task, with its target. Raises `OptionError` for others, and for further limits."""
+def _of_tip(problem: Problem, targets: Targets) -> PoseTask | None:
+    """The one task, the whole pose of the tip of a chain, with its target; None: it is another, or there are more."""
     robot, task = problem.robot, problem.tasks[0]
     only = len(problem.tasks) == 1 and isinstance(task, PoseTask) and not problem.hierarchy.lower
-    if not only or problem.frames != (robot.tip,) or not task.kept.all() or problem.additional_limits:
-        raise OptionError("solutions are those of one PoseTask() of the tip within the joint limits")
+    if not only or problem.frames != (robot.tip,) or not task.kept.all() or unsupported(problem):
+        return None
     return task.toward(targets.poses())  # type: ignore[return-value]
+
+
+def _on_pieces(srs: SRS, task: PoseTask, context: Context, objective: Objective) -> Solutions:
+    """The best of each piece of an arc of an S-R-S arm that keeps the further limits."""
+    robot = context.robot
+    ranked = best_of_each_piece(srs, task.target, objective, lambda q: not context.broken(robot.at(q)))
+    items = [_listed(task, objective, robot, one.q, one.arc, one.psi) for one in ranked]
+    kept = [one for one in items if context.problem.is_reached(one.position_error, one.orientation_error)]
+    ranking = tuple(sorted(kept, key=lambda one: one.cost))
+    return Solutions(ranking, "closed form (S-R-S)", False, reason=PIECES)
 
 
 def _listed(
@@ -273,6 +293,8 @@ class Enumeration:
         if self.is_isolated:
             q, all_of_them = self.turns.all_within(q, self.most)
             reason = reason or ("" if all_of_them else TOO_MANY_TURNS)
+            if self.context.further:
+                q = np.reshape([each for each in q if not self.context.broken(robot.at(each))], (-1, robot.n))
         listed = [_listed(self.task, self.objective, robot, each) for each in q]
         ranked = tuple(sorted(listed, key=lambda one: one.cost))
         return Solutions(ranked, method, not reason, starts, starts_without_new, reason)

@@ -39,6 +39,10 @@ def multi_start(
     apart: Distance,
     resolution: float,
     first: np.ndarray,
+    batch: int = BATCH,
+    patience: int = PATIENCE,
+    patience_each: int = PATIENCE_EACH,
+    most_starts: int = MOST_STARTS,
 ) -> MultiStart:
     """Descents from the starts `first` (k, n) and then from random ones.
 
@@ -46,12 +50,12 @@ def multi_start(
     `apart` tells how far (...) configurations (..., n) are from each other; up to `resolution` they are the same.
     """
     found, starts, without_new = np.empty((0, first.shape[1])), 0, 0
-    begin = np.concatenate([first, draw(BATCH)])
-    while without_new < max(PATIENCE, PATIENCE_EACH * len(found)) and starts < MOST_STARTS:
+    begin = np.concatenate([first, draw(batch)])
+    while without_new < max(patience, patience_each * len(found)) and starts < most_starts:
         ends = arrivals(begin)
         new = new_among(ends, found, apart, resolution)
         starts, without_new = starts + len(ends), (len(ends) - 1 - new[-1]) if new else without_new + len(ends)
-        found, begin = np.concatenate([found, ends[new]]), draw(BATCH)
+        found, begin = np.concatenate([found, ends[new]]), draw(batch)
     return MultiStart(found, starts, without_new)
 
 

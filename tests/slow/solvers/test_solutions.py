@@ -217,19 +217,6 @@ def test_a_list_is_a_sequence(maira, ur5, rng):
         assert (solutions[0].branch is None) is (robot is ur5)
 
 
-def test_other_tasks_have_no_solutions_to_list(maira, panda):
-    target = maira.forward(maira.middle)
-    for solver, message in [
-        (mq.Solver(load("tiago_arms")), "PoseTask"),
-        (mq.Solver(panda, task=mq.PositionTask()), "PoseTask"),
-        (mq.Solver(maira, tasks=[mq.DampingTask()]), "PoseTask"),
-        (mq.Solver(maira, limits=[mq.LinearLimit(np.eye(7), np.full(7, 9.0))]), "joint limits"),
-        (mq.Solver(load("panda_finger")), "chain"),
-    ]:
-        with pytest.raises(mq.errors.OptionError, match=message):
-            solver.solutions(target if len(solver.robot.tips) == 1 else dict.fromkeys(solver.robot.tips, target))
-
-
 def distance(q, q0, metric):
     return 0.5 * np.sum(metric * (q - q0) ** 2, axis=-1)
 
