@@ -46,12 +46,12 @@ def _pieces(srs: SRS, arc: Arc, objective: Objective, psi: np.ndarray, keeps: Ke
     kept = np.array([keeps(q) for q in _at(srs, arc, objective, psi)])
     ends = np.flatnonzero(np.diff(np.concatenate([[False], kept, [False]])))
     for first, last in zip(ends[::2], ends[1::2] - 1, strict=True):
-        low, high = psi[first], psi[last]
+        low, high = float(psi[first]), float(psi[last])
         if first > 0:
-            low = _edge(srs, arc, objective, psi[first - 1], low, keeps)
+            low = _edge(srs, arc, objective, float(psi[first - 1]), low, keeps)
         if last + 1 < len(psi):
-            high = _edge(srs, arc, objective, psi[last + 1], high, keeps)
-        yield replace(arc, lower=float(low), upper=float(high))
+            high = _edge(srs, arc, objective, float(psi[last + 1]), high, keeps)
+        yield replace(arc, lower=low, upper=high)
 
 
 def _edge(srs: SRS, arc: Arc, objective: Objective, out: float, within: float, keeps: Keeps) -> float:

@@ -297,8 +297,17 @@ def test_closest_has_to_be_meant(maira):
             solver.solve_batch([target], **wrong)
     with pytest.raises(mq.errors.OptionError, match="observe"):
         solver.solve(target, q0, prefer="closest", observe=print)
-    with pytest.raises(mq.errors.OptionError, match="PoseTask"):
-        mq.Solver(maira, task=mq.PositionTask()).solve(target, q0, prefer="closest")
+
+
+def test_closest_of_a_point_is_no_farther_than_any_that_is_found():
+    robot = mq.Robot.from_dh([mq.DHLink(a=0.5, lower=-3, upper=3) for _ in range(3)], name="three")
+    solver, q0 = mq.Solver(robot, task=mq.PositionTask()), np.array([0.2, -0.4, 0.9])
+    target = robot.forward([0.7, 0.5, 0.5])
+    closest = solver.solve(target, q0, prefer="closest")
+    starts = np.random.default_rng(0).uniform(-3, 3, (300, 3))
+    others = solver.solve_batch([target] * 300, starts)
+    assert closest.success
+    assert 2 * closest.cost <= np.square(others.q[others.success] - q0).sum(axis=1).min() + 1e-9
 
 
 @pytest.mark.parametrize("locked", [["joint6"], ["joint1", "joint4"], ["joint2", "joint3", "joint7"]], ids=str)
