@@ -54,4 +54,5 @@ print(
     f"the other {15 - len(gaps)} still jumped to and fro after 200 steps."
 )
 view.axes[0].legend()
+view.suptitle("one position, two guesses: two configurations of the iiwa14")
 print(f"Picture: {plots.save(view, 'output/02_two_guesses.png')}")

@@ -56,4 +56,5 @@ for name in ("algorithm 2", "algorithm 3", "mq.Solver"):
     print(f"  {name} {counts[name][0]}")
 picture = plots.figure(size=(7, 2.2))
 plots.success_bars(picture.axes[0], {"100 starts": counts})
+picture.suptitle("targets solved within the limits: the lecture's methods and mq.Solver")
 print(f"Picture: {plots.save(picture, 'output/03_within_limits.png')}")

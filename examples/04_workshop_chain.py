@@ -48,6 +48,7 @@ print(table)
 
 still = plots.figure(space=True)
 plots.draw_chain(still.axes[0], frames[-1], target=goals[-1])
+still.suptitle("a chain of DH links at a target")
 print(f"Picture: {plots.save(still, 'output/04_chain.png')}")
 film = plots.animate_chain("output/04_chase.gif", frames, goals, rate=10)
 print(f"Film: {film}, {len(frames)} frames, {film.stat().st_size / 1e6:.2f} MB")

@@ -53,4 +53,5 @@ for ax, (name, redundancy) in zip(picture.axes[2:], methods.items(), strict=True
     ax.set_title(name)
 numbers = {name: [robot.condition_number(q) for q in path] for name, path in visited.items()}
 plots.condition_numbers(picture.axes[1], numbers)
+picture.suptitle("weighted or strict: pose against posture, and the way of the joints")
 print(f"Picture: {plots.save(picture, 'output/05_two_methods.png')}")

@@ -50,4 +50,5 @@ for limit in (-robot.velocity_limit[0], robot.velocity_limit[0]):
     below.axhline(limit, color=plots.LIMIT_COLOR, linewidth=2.5, alpha=0.5)
 below.set(xlabel="time [s]", ylabel="joint speed [rad/s]")
 below.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+picture.suptitle("a target that jumps, and is once out of reach: every joint keeps its limits")
 print(f"Picture: {plots.save(picture, 'output/06_control_loop.png')}")

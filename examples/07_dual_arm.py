@@ -52,4 +52,5 @@ for index, (label, values) in enumerate({"thing behind its goal": lags, "grip of
     picture.axes[0].semilogy(times, np.maximum(values, 1e-12), color=plots.COLORS[index], label=label)
 picture.axes[0].set(xlabel="time [s]", ylabel="position error [mm]")
 picture.axes[0].legend(frameon=False)
+picture.suptitle("two hands carry one thing: the grip holds where it stays behind")
 print(f"Picture: {plots.save(picture, 'output/07_dual_arm.png')}")

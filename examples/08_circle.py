@@ -47,4 +47,5 @@ for i, name in enumerate(("position [mm]", "tilt [mrad]", "elbow [°]")):
     picture.axes[1].semilogy(times, np.maximum(np.array(rows)[:, i], 1e-9), color=plots.COLORS[i], label=name)
 picture.axes[1].set(xlabel="time [s]", ylabel="error")
 picture.axes[1].legend(frameon=False)
+picture.suptitle("a circle with the tool pointing down")
 print(f"Picture: {plots.save(picture, 'output/08_circle.png')}")

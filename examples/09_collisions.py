@@ -54,4 +54,5 @@ for index, (name, values) in enumerate(distances.items()):
 picture.axes[0].axhline(1e3 * margin, color=plots.LIMIT_COLOR, linewidth=2.5, alpha=0.5, label="margin")
 picture.axes[0].set(xlabel="time [s]", ylabel="smallest distance [mm]")
 picture.axes[0].legend(frameon=False)
+picture.suptitle("the smallest distance, with a collision limit and without")
 print(f"Picture: {plots.save(picture, 'output/09_collisions.png')}")

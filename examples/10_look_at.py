@@ -47,4 +47,5 @@ for k, unit in enumerate(("direction [mrad]", "place [mm]")):
         picture.axes[k].semilogy(times, values, color=plots.COLORS[i], linestyle=style, label=name)
     picture.axes[k].set(xlabel="time [s]", ylabel=f"error of the {unit}")
     picture.axes[k].legend(frameon=False)
+picture.suptitle("look first, or move first: what each order of priorities costs")
 print(f"Picture: {plots.save(picture, 'output/10_look_at.png')}")

@@ -44,4 +44,5 @@ picture.axes[0].plot(*np.stack([tips, handles], axis=1).T, color=plots.COLORS[1]
 picture.axes[0].plot(*tool[:, :2, 3].T, color=plots.COLORS[0], linestyle="-")
 picture.axes[0].set(xlabel="x [m]", ylabel="y [m]", title="seam and torch, seen from above", aspect="equal")
 plots.joint_paths(picture.axes[1], robot, path.q, times=dt * np.arange(len(welded)))
+picture.suptitle("a weld seam around a box: the torch leans, each joint within its range")
 print(f"Picture: {plots.save(picture, 'output/15_weld_seam.png')}")

@@ -31,4 +31,5 @@ picture.axes[0].set(xlabel="x [m]", ylabel="y [m]", title="on the board", aspect
 picture.axes[0].legend(frameon=False, ncols=2, loc="upper left", bbox_to_anchor=(0, -0.4))
 plots.joint_paths(picture.axes[1], robot, path.q)
 picture.axes[1].set(xlabel="pose")
+picture.suptitle("MAIRA writes on a tilted board")
 print(f"Picture: {plots.save(picture, 'output/16_writing.png')}")

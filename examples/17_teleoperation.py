@@ -81,4 +81,5 @@ for ax in (above, below):
     )
     ax.set_ylim(bottom, top)
     ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+picture.suptitle("teleoperation: the hand, and what the arm makes of it")
 print(f"Picture: {plots.save(picture, 'output/17_teleoperation.png')}")

@@ -35,4 +35,5 @@ picture = plots.figure(1, 2, size=(10.0, 3.6))
 for axes, (name, path) in zip(picture.axes, paths.items(), strict=True):
     plots.joint_paths(axes, robot, path.q)
     axes.set(xlabel="pose", title=name)
+picture.suptitle("three rounds on a circle: a nozzle that may turn")
 print(f"Picture: {plots.save(picture, 'output/18_free_tool_axis.png')}")

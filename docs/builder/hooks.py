@@ -23,6 +23,9 @@ from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File
 
 ROOT = Path(__file__).parents[2]
+FETCHED = re.compile(
+    r'<(script|img|iframe|link rel="(stylesheet|preconnect|icon)")[^>]* (src|href)="(https?:)?//[^>]*>'
+)
 sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
 
 import figures  # noqa: E402
@@ -52,6 +55,14 @@ def on_page_content(content, page, config, files):
     """Turn formulas into MathML."""
     content = re.sub(r'<span class="arithmatex">\\\((.*?)\\\)</span>', inline, content, flags=re.DOTALL)
     return re.sub(r'<div class="arithmatex">\\\[(.*?)\\\]</div>', block, content, flags=re.DOTALL)
+
+
+def on_post_page(output, page, config):
+    """Refuse a page that would fetch something from elsewhere."""
+    fetched = FETCHED.search(output)
+    if fetched:
+        raise PluginError(f"{page.file.src_uri} fetches from elsewhere: {fetched[0]}")
+    return output
 
 
 def made(match: re.Match) -> str:

@@ -4,7 +4,7 @@ import importlib.util
 import re
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import pytest
 
@@ -56,6 +56,22 @@ def test_formulas_become_mathml():
     assert made.count("<math") == 2
     assert "arithmatex" not in made
     assert "<mfrac>" in made
+
+
+@pytest.mark.parametrize(
+    "fetching",
+    [
+        '<script async src="https://elsewhere.example/x.js"></script>',
+        '<link rel="stylesheet" href="//elsewhere.example/x.css">',
+        '<img alt="" src="http://elsewhere.example/x.png">',
+    ],
+)
+def test_a_page_that_fetches_from_elsewhere_is_refused(fetching):
+    hooks, page = builder("hooks"), SimpleNamespace(file=SimpleNamespace(src_uri="page.md"))
+    kept = '<img src="images/x.png"><a href="https://elsewhere.example">a link is fine</a>'
+    assert hooks.on_post_page(kept, page, None) == kept
+    with pytest.raises(hooks.PluginError, match=r"page\.md fetches"):
+        hooks.on_post_page(kept + fetching, page, None)
 
 
 def test_the_gallery_shows_every_example():
