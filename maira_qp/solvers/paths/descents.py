@@ -80,6 +80,14 @@ class PathArrays:
             arrived[arrived] = self.keeps_limits(q[arrived])
         return q, arrived
 
+    def exactly(self, which: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """Configurations (M, n) that reach the poses `which` (M,) to the last digits, from those that reach them.
+
+        So that one on a limit is on it at each of its whole turns. What cannot be brought nearer stays.
+        """
+        there, outcome = _attempted(self.arrays.exact, self.rows[which], q)
+        return np.where(outcome[:, [Outcome.SUCCESS]] > 0.0, there, q)
+
     def keeps_limits(self, q: np.ndarray) -> np.ndarray:
         """Which (M,) of the configurations (M, n) keep the limits beside those of the joints."""
         if not self.asked.additional_limits:

@@ -80,8 +80,10 @@ def layers_of(
             fresh = density.fresh * (1 if layers and is_redundant else FIRST_TIMES)
             starts = np.concatenate([before, *_aside(before, rng), _anywhere(path, fresh, rng)])
             found, arrived = path.descend(np.full(len(starts), index), starts)
-            at_one_turn = path.arrays.problem.turns.in_window(np.concatenate([here, found[arrived]]))
+            at_one_turn = path.problem.turns.in_window(np.concatenate([here, found[arrived]]))
             here = _thinned(at_one_turn, density.most)
+            if path.problem.turns.everywhere.any():
+                here = path.exactly(np.full(len(here), index), here)
         layers.append(here)
         before = here
     return layers

@@ -64,6 +64,19 @@ def test_what_an_arm_has_done_is_followed(name, is_start_given, rng):
             np.testing.assert_allclose(path.q[0], motion[0], atol=1e-9)
 
 
+@pytest.mark.parametrize("seed", [5, 50, 53, 72, 89])
+def test_a_motion_that_begins_in_a_corner_of_the_limits_is_followed_from_anywhere(seed):
+    """Joints whose range is more than a turn have one turn there: the limit itself, not what is 1e-7 beyond it."""
+    rng, robot = np.random.default_rng(seed), load("kr210")
+    stands, is_upper = rng.random(6) < 0.7, rng.random(6) < 0.5
+    corner = np.where(stands, np.where(is_upper, robot.upper, robot.lower), robot.random_configuration(rng))
+    a, b, c, d = [corner, *(robot.random_configuration(rng) for _ in range(3))]
+    t = np.linspace(0.0, 1.0, 100)[:, None]
+    motion = (1 - t) ** 3 * a + 3 * t * (1 - t) ** 2 * b + 3 * t**2 * (1 - t) * c + t**3 * d
+    path = mq.Solver(robot).track([robot.forward(q) for q in np.clip(motion, robot.lower, robot.upper)])
+    assert path, path.reason
+
+
 def test_between_its_poses_the_tool_stays_on_the_path(rng):
     robot = mq.Robot.maira()
     targets = poses_along(robot, smooth_motion(robot, rng))
