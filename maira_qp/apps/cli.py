@@ -20,6 +20,7 @@ from maira_qp.apps.commands.compare import Compare
 from maira_qp.apps.commands.compile import Compile
 from maira_qp.apps.commands.doctor import Doctor
 from maira_qp.apps.commands.fk import Fk
+from maira_qp.apps.commands.jobs.dataset import Dataset
 from maira_qp.apps.commands.jobs.job import Job, JobActions
 from maira_qp.apps.commands.jobs.reach import Reach
 from maira_qp.apps.commands.plot import Pictures, Plot
@@ -52,6 +53,7 @@ Command = (
     | Annotated[Fk, tyro.conf.subcommand("fk")]
     | Annotated[Urdf, tyro.conf.subcommand("urdf")]
     | Annotated[Reach, tyro.conf.subcommand("reach")]
+    | Annotated[Dataset, tyro.conf.subcommand("dataset")]
     | Annotated[Job, tyro.conf.subcommand("job")]
     | Annotated[Compare, tyro.conf.subcommand("compare")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]

@@ -13,6 +13,7 @@ A job is frozen data; `run` does it by an engine, and goes on after whatever int
 same, byte for byte, for any engine, number of workers and length of the shards, on machines of one kind.
 """
 
+from maira_qp.scale.dataset.job import DatasetJob
 from maira_qp.scale.engines.engine import Engine
 from maira_qp.scale.job import Job
 from maira_qp.scale.reach.job import ReachJob
@@ -20,6 +21,7 @@ from maira_qp.scale.reach.reach_map import MapSlice, ReachMap
 from maira_qp.scale.run import JobState, Verification, resume, run, state_of, verify
 
 __all__ = [
+    "DatasetJob",
     "Engine",
     "Job",
     "JobState",

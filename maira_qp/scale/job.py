@@ -23,7 +23,7 @@ import numpy as np
 from maira_qp.errors import JobError, listed
 from maira_qp.version import __version__
 
-KINDS = {"reach": "maira_qp.scale.reach.job:ReachJob"}
+KINDS = {"reach": "maira_qp.scale.reach.job:ReachJob", "dataset": "maira_qp.scale.dataset.job:DatasetJob"}
 """The jobs of this package by their names, each a module and a class."""
 LIBRARIES = ("numpy", "numba", "scipy", "pin")
 """Whose versions may change the last bits of an answer."""

@@ -35,7 +35,7 @@ class DaskCluster(Engine):
         from distributed import Client
         from distributed.client import FutureCancelledError
 
-        place = {"address": self._address} if self._address else self._own()
+        place: dict[str, Any] = {"address": self._address} if self._address else self._own()
         try:
             with Client(**place, set_as_default=False, timeout=TIMEOUT) as client, client.as_current():
                 self._run(client, work, plan, done)

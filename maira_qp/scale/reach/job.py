@@ -17,6 +17,7 @@ from maira_qp.problem.options import Options
 from maira_qp.results.status import Reach
 from maira_qp.robots.model.robot import Robot
 from maira_qp.scale.job import Job
+from maira_qp.scale.reach.bound import reach_bound
 from maira_qp.scale.reach.grid import Orientations, Positions
 from maira_qp.scale.reach.metrics import limit_distances, manipulabilities
 from maira_qp.solvers.reachability import reachability
@@ -26,8 +27,6 @@ POSES, CONFIGURATIONS = 16_384, 2_048
 """Poses that are solved together, and configurations that are judged together: what fits into the caches."""
 BLOCK = 4_000_000
 """Poses of a block of the output, at most, if a plane of cells has no more."""
-ROUNDING = 1e-9
-"""Share by which the bound on the reach is wider than was computed."""
 ALIGNED = 1e-6
 """Share of a cell by which an end of the box may be beyond a cell's face and still be at it."""
 MOST = 2**40
@@ -101,7 +100,7 @@ class ReachJob(Job):
                 raise OptionError(f"{name} must be a positive whole number, got {shown(value)}")
         if not is_count(seed):
             raise OptionError(f"seed must be a non-negative whole number, got {shown(seed)}")
-        centre, radius = _bound(robot)
+        centre, radius = reach_bound(robot)
         if box is None:
             if radius is None:
                 raise OptionError("the reach of this robot has no bound: give a box")
@@ -242,18 +241,6 @@ def _summary(verdict: np.ndarray, rolls: int, best: Mapping[str, np.ndarray]) ->
         "directions_open": open_ones.sum(axis=1).astype(np.uint32),
         **{name: np.where(values < 0.0, np.nan, values).astype(np.float32) for name, values in largest.items()},
     }
-
-
-def _bound(robot: Robot) -> tuple[np.ndarray, float | None]:
-    """A centre (3,) and the distance [m] from it that the tip never exceeds; None: there is no such distance."""
-    from maira_qp.evaluation.judge import Judge
-    from maira_qp.evaluation.reach import reach  # not at the top: SciPy's minimisers take a while to load
-
-    if not np.isfinite(robot.upper - robot.lower)[robot.slides].all():
-        return np.zeros(3), None
-    judge = Judge(robot.urdf, robot.base, robot.tip, robot.joint_names)
-    centre, radius = reach(judge.path, *robot.drawn_range)
-    return centre, float(radius) * (1.0 + ROUNDING)
 
 
 def _cells(box: Any, cell: float) -> tuple[tuple[int, int, int], tuple[int, int, int]]:

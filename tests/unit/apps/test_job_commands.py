@@ -72,6 +72,16 @@ def test_damage_is_told_and_mended(maira_qp, tmp_path):
     assert files_of(folder) == wanted
 
 
+def test_a_data_set_is_made_and_verified(maira_qp, tmp_path):
+    pytest.importorskip("pyarrow")
+    folder, flags = str(tmp_path / "set"), ("--rows", "50", "--poses", "configurations", "--seed", "4")
+    code, out, _ = maira_qp("dataset", *flags, "--output", folder, "--engine", "here", "--json")
+    assert (code, json.loads(out)["finished"], json.loads(out)["poses"]) == (0, True, 50)
+    assert maira_qp("job", "verify", folder)[0] == 0
+    err = misuse(maira_qp("dataset", "--rows", "0", "--output", folder, "--engine", "here"))
+    assert "--rows must be a positive" in err
+
+
 @pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_map_says_how_to_go_on_and_goes_on(maira_qp, tmp_path, sign):
     """A map far too large for a test, of which some shards get done."""

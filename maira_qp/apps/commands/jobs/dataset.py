@@ -1,0 +1,67 @@
+"""`maira-qp dataset`: random poses with what a solver says of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from maira_qp.apps.arguments.flags import RobotFlags, SolverFlags, checked_seed
+from maira_qp.apps.arguments.robot_choice import RobotChoice
+from maira_qp.apps.commands.jobs.running import RunChoice, RunFlags
+from maira_qp.apps.left_pipes import reader_may_leave
+from maira_qp.problem.options import Options
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dataset:
+    """Make a table of random poses, each with the joint values that a solver finds, its status and figures, for
+    learning; poses that are proved to be out of reach are among them.
+
+    The table is a folder of Parquet files of at most 100 MB, laid out as LeRobot's format 3 has it: data/chunk-000/
+    file-000.parquet, ... and meta/info.json. Its columns are those of solve --batch: x, y, z [m], qw, qx, qy, qz,
+    success, status, errors [m, rad], manipulability, limit_distance (0 at a limit, 1 midway), q_<joint> [rad, or m].
+    Whatever interrupts a run, the same command goes on with it, as does: maira-qp job resume FOLDER. Exit code 0: the
+    table is finished, or the part that --shard names is done."""
+
+    choice: RobotFlags = field(default_factory=RobotChoice)
+    output: Path
+    """Folder of the table; new, or that of the same table, begun before."""
+    rows: int
+    """How many poses; >= 1."""
+    poses: Literal["workspace", "configurations"] = "workspace"
+    """workspace: uniform over the ball that holds all that can be reached, and over all rotations; configurations:
+    those of joint values uniform within the limits."""
+    labels: Literal["any", "posture"] = "any"
+    """any joint values that reach the pose, or those nearest to the middle of the limits: posture."""
+    seed: int = 0
+    """Seed of the poses and of the random starts; >= 0."""
+    options: SolverFlags = field(default_factory=Options)
+    how: RunFlags = field(default_factory=RunChoice)
+    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    """One JSON value on stdout: the summary."""
+
+    def run(self) -> int:
+        """Runs the job and prints a summary; 0."""
+        from maira_qp.apps.arguments.output import print_json
+        from maira_qp.apps.commands.jobs.running import carry_out, show
+        from maira_qp.io.parquet_table import check_pyarrow
+        from maira_qp.scale.dataset.job import DatasetJob
+
+        check_pyarrow()
+        self.how.options()
+        job = DatasetJob.of(
+            self.choice.load(),
+            rows=self.rows,
+            poses=self.poses,
+            labels=self.labels,
+            options=self.options,
+            seed=checked_seed(self.seed),
+        )
+        state, said = carry_out(job, self.output, self.how, "solving")
+        with reader_may_leave():
+            title = f"the table is in {self.output}" if state.finished else f"{state.done} of {state.total} poses done"
+            print_json(said) if self.json else show(said, title)
+        return 0

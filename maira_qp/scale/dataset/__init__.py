@@ -1,0 +1,1 @@
+"""Tables of poses with what a solver says of each, for learning."""

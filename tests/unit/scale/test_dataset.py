@@ -1,0 +1,124 @@
+"""Data sets: rows that depend on their index alone, labels that are true, files that others read."""
+
+import json
+
+import numpy as np
+import pytest
+from support.marked_jobs import files_of
+
+import maira_qp as mq
+from maira_qp.errors import OptionError
+from maira_qp.evaluation.judge import Judge
+from maira_qp.io.poses import read_poses
+from maira_qp.scale import DatasetJob, resume, run, state_of
+
+parquet = pytest.importorskip("pyarrow.parquet")
+ROWS = 2500
+
+
+@pytest.fixture(scope="module")
+def job() -> DatasetJob:
+    return DatasetJob.of(mq.Robot.maira(), rows=ROWS, seed=3)
+
+
+@pytest.fixture(scope="module")
+def folder(job, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sets") / "maira"
+    assert run(job, folder, engine="here").finished
+    return folder
+
+
+def columns_of(folder) -> dict[str, np.ndarray]:
+    table = parquet.read_table(folder / "data")
+    return {name: table[name].to_numpy() for name in table.column_names}
+
+
+def q_of(columns: dict[str, np.ndarray], robot: mq.Robot) -> np.ndarray:
+    return np.column_stack([columns[f"q_{joint}"] for joint in robot.joint_names])
+
+
+def test_labels_are_true_and_negatives_are_proved(job, folder, maira):
+    columns = columns_of(folder)
+    targets = read_poses(folder / "data/chunk-000/file-000.parquet", None).targets(slice(None))
+    q, reached = q_of(columns, maira), columns["success"]
+    assert (columns["index"] == np.arange(ROWS)).all()
+    judged = Judge(maira.urdf, maira.base, maira.tip, maira.joint_names).verdict(q, targets)
+    np.testing.assert_array_equal(judged.within(1e-6, 1e-6, 0.0), reached)
+    np.testing.assert_array_equal(columns["status"] == "CONVERGED", reached)
+    assert 0.1 < reached.mean() < 0.9
+    assert (columns["status"][~reached] == "UNREACHABLE").mean() > 0.99
+    assert (judged.limit_violation <= 0).all()
+
+
+def test_poses_fill_the_workspace_evenly(job, folder):
+    columns = columns_of(folder)
+    away = np.linalg.norm(np.column_stack([columns[axis] for axis in "xyz"]) - job.centre, axis=1) / job.radius
+    np.testing.assert_allclose(np.quantile(away**3, [0.25, 0.5, 0.75]), [0.25, 0.5, 0.75], atol=0.05)
+    quaternions = np.column_stack([columns[name] for name in ("qw", "qx", "qy", "qz")])
+    np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1.0)
+    np.testing.assert_allclose(quaternions.T @ quaternions / ROWS, np.eye(4) / 4, atol=0.03)
+
+
+def test_the_files_are_the_same_for_any_cut(job, folder, tmp_path):
+    run(job, tmp_path / "cut", engine="here", part=(2, 3), shard=777)
+    resume(tmp_path / "cut", engine="here", shard=100)
+    assert files_of(tmp_path / "cut") == files_of(folder)
+
+
+def test_files_and_folders_stay_small(tmp_path, monkeypatch):
+    monkeypatch.setattr("maira_qp.scale.dataset.job.LARGEST", 8 * 21 * 100)
+    monkeypatch.setattr("maira_qp.scale.dataset.files.FILES", 3)
+    job = DatasetJob.of(mq.Robot.maira(), rows=1050)
+    assert job.block == 100
+    run(job, tmp_path / "set", engine="here")
+    names = sorted(name for name in files_of(tmp_path / "set") if name.startswith("data/"))
+    assert len(names) == 11
+    assert names[0] == "data/chunk-000/file-000.parquet"
+    assert names[-1] == "data/chunk-003/file-001.parquet"
+    assert (columns_of(tmp_path / "set")["index"] == np.arange(1050)).all()
+    info = json.loads((tmp_path / "set" / "meta" / "info.json").read_text())
+    assert (info["total_frames"], info["total_files"], info["codebase_version"]) == (1050, 11, "v3.0")
+    assert info["features"]["q_joint1"] == {"dtype": "float64", "shape": [1]}
+
+
+def test_labels_by_posture_and_poses_of_configurations(maira, tmp_path):
+    columns = {}
+    for labels in ("any", "posture"):
+        job = DatasetJob.of(maira, rows=300, poses="configurations", labels=labels)
+        run(job, tmp_path / labels, engine="here")
+        columns[labels] = columns_of(tmp_path / labels)
+        assert columns[labels]["success"].all()
+    np.testing.assert_array_equal(columns["any"]["x"], columns["posture"]["x"])
+    cost = {labels: np.square(q_of(each, maira) - maira.middle).sum(axis=1) for labels, each in columns.items()}
+    assert (cost["posture"] <= cost["any"] + 1e-6).all()
+    assert cost["posture"].mean() < 0.9 * cost["any"].mean()
+    assert state_of(tmp_path / "any").kind == "dataset"
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("library", ["pandas", "polars", "datasets"])
+def test_others_read_it(folder, library, tmp_path):
+    module = pytest.importorskip(library)
+    files = str(folder / "data" / "*" / "*.parquet")
+    if library == "pandas":
+        rows, x = module.read_parquet(folder / "data"), None
+        rows, x = len(rows), rows["x"].iloc[7]
+    elif library == "polars":
+        table = module.read_parquet(files)
+        rows, x = len(table), table["x"][7]
+    else:
+        table = module.load_dataset("parquet", data_files=files, split="train", cache_dir=str(tmp_path))
+        rows, x = len(table), table[7]["x"]
+    assert rows == ROWS
+    assert x == columns_of(folder)["x"][7]
+
+
+def test_data_sets_that_make_no_sense_are_refused(maira):
+    for options, said in (
+        ({"rows": 0}, "rows must be a positive"),
+        ({"rows": 5, "poses": "workspaces"}, "did you mean 'workspace'"),
+        ({"rows": 5, "labels": "best"}, "labels cannot be 'best'"),
+        ({"rows": 5, "seed": -1}, "seed must be"),
+    ):
+        with pytest.raises(OptionError, match=said):
+            DatasetJob.of(maira, **options)
