@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -118,7 +118,7 @@ class DatasetJob(Job):
         """How many rows there are."""
         return self.rows
 
-    @cached_property
+    @property
     def block(self) -> int:
         """Rows of a file."""
         return LARGEST // (8 * (len(self.joint_names) + 14))

@@ -1,5 +1,8 @@
 """Engines that other packages are: the same output, and shards of workers that died are done again."""
 
+import os
+import sys
+
 import pytest
 from support.marked_jobs import MarkedJob, files_of
 
@@ -39,8 +42,10 @@ def test_a_scheduler_that_is_not_there_is_told(marks, tmp_path, monkeypatch):
         run(MarkedJob(marks=marks), tmp_path / "job", engine="dask", address="tcp://127.0.0.1:9", shard=10)
 
 
-def test_ray_makes_the_same_output(marks, tmp_path):
+@pytest.mark.filterwarnings("ignore")
+def test_ray_makes_the_same_output_though_a_worker_dies(marks, tmp_path, monkeypatch):
     pytest.importorskip("ray")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))  # where its workers find the job's class
     job = MarkedJob(marks=marks, killed=(12,))
     run(job, tmp_path / "ray", engine="ray", workers=1, shard=10)
     run(job, tmp_path / "here", engine="here")
