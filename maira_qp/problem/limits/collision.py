@@ -72,9 +72,10 @@ class CollisionLimit(Limit):
     self_collision: bool = True
     """Whether the robot's links are kept from each other."""
     allowed: Any = "adjacent"
-    """Which links may touch. "adjacent": those joined by a joint, links fixed to each other counted as one. In addition
-    to these "sampled": those nearer than the margin in 95 % of 1,000 random configurations, always the same ones; the
-    path of an SRDF file: those of its `<disable_collisions>`; or pairs of names of links and obstacles."""
+    """Which links may touch. "adjacent": those joined by a joint, links fixed to each other counted as one, and those
+    that the robot's SRDF or MJCF allows to. In addition to these "sampled": those nearer than the margin in 95 % of
+    1,000 random configurations, always the same ones; the path of an SRDF file: those of its `<disable_collisions>`; or
+    pairs of names of links and obstacles."""
     meshes: Sequence[str | os.PathLike[str]] = ()
     """Directories in which `package://` and relative mesh files are sought."""
     missing: Literal["error", "ignore"] = "error"
@@ -132,12 +133,13 @@ class CollisionLimit(Limit):
 
     def _allowed_pairs(self, scene: Scene, own: int) -> set[NamePair]:
         """The pairs that may touch beside the adjacent ones."""
+        known = set(scene.robot.semantics.touching)
         if isinstance(self.allowed, str) and self.allowed in ALLOWED:
-            return always_near(scene, own, self.margin) if self.allowed == "sampled" else set()
+            return known | (always_near(scene, own, self.margin) if self.allowed == "sampled" else set())
         if isinstance(self.allowed, (str, os.PathLike)):
-            return srdf_pairs(self.allowed, scene.robot.frames)
+            return known | srdf_pairs(self.allowed, scene.robot.frames)
         names = (*scene.robot.frames, *(obstacle.name for obstacle in self.obstacles))
-        return named_pairs(self.allowed, names)
+        return known | named_pairs(self.allowed, names)
 
     @property
     def scene(self) -> Scene:

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from maira_qp.arrays import is_listing
-from maira_qp.errors import OptionError, RobotError, listed, shown
+from maira_qp.errors import OptionError, listed, shown
 from maira_qp.robots.collision.scene import Part, Scene
 from maira_qp.robots.model.robot import Robot
-from maira_qp.robots.urdf.safe_xml import xml_root
+from maira_qp.robots.srdf.reader import read_srdf
 
 log = logging.getLogger(__name__)
 
@@ -67,18 +67,8 @@ def always_near(scene: Scene, own: int, margin: float) -> set[NamePair]:
 
 
 def srdf_pairs(source: str | os.PathLike[str], links: Sequence[str]) -> set[NamePair]:
-    """The pairs of an SRDF that may touch, `<disable_collisions link1 link2>`; links of other robots do not matter.
-
-    The format: http://wiki.ros.org/srdf. Raises `RobotError`.
-    """
-    root = xml_root(source)
-    if root.tag != "robot":
-        raise RobotError(f"not an SRDF: the outermost element is <{root.tag}>, not <robot>")
-    pairs: set[NamePair] = set()
-    for element in root.iter("disable_collisions"):
-        if "link1" not in element.attrib or "link2" not in element.attrib:
-            raise RobotError(f"a <disable_collisions> of the SRDF lacks link1 or link2: {element.attrib}")
-        pairs.add(frozenset((element.attrib["link1"], element.attrib["link2"])))
+    """The pairs of an SRDF that may touch; links of other robots do not matter. Raises `RobotError`."""
+    pairs = set(read_srdf(source).touching)
     if not any(pair <= set(links) for pair in pairs):
         log.warning("the SRDF allows no pair of links of this robot to touch")
     return pairs

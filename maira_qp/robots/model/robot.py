@@ -15,6 +15,9 @@ from maira_qp.display import Card, Shown, joint_entries
 from maira_qp.errors import ConfigurationError, OptionError, RobotError, shown
 from maira_qp.robots.collision.urdf_geometry import collision_element
 from maira_qp.robots.dh.table import Convention, DHLink, DHTable
+from maira_qp.robots.library.names import OWN, entry_of
+from maira_qp.robots.library.packages import description_file, installed, srdf_file
+from maira_qp.robots.mjcf.reader import read_mjcf
 from maira_qp.robots.model import catalog
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.edits import (
@@ -35,8 +38,12 @@ from maira_qp.robots.model.kinematics import Kinematics
 from maira_qp.robots.model.reduced import Couplings, Reduced, coupled, frames_of, plain, reduced
 from maira_qp.robots.model.sources import Description, DHSource, ModelSource, Source, URDFSource
 from maira_qp.robots.urdf.model import model_of
-from maira_qp.robots.urdf.reader import Chain, read_urdf
+from maira_qp.robots.srdf.reader import read_srdf
+from maira_qp.robots.srdf.semantics import Semantics
+from maira_qp.robots.urdf.reader import Chain, link_tree, read_urdf
+from maira_qp.robots.urdf.safe_xml import xml_root
 from maira_qp.robots.urdf.writer import urdf_text
+from maira_qp.robots.urdf.xacro import expanded, is_xacro
 
 if TYPE_CHECKING:
     from maira_qp.robots.model.arrays import KinematicTree
@@ -171,15 +178,17 @@ class Robot(Shown):
         return cls._of_part(part, name, acceleration, source)._with_tool(tool)
 
     @classmethod
-    def _of_part(cls, part: Reduced, name: str, acceleration: Any, source: Source) -> Robot:
+    def _of_part(
+        cls, part: Reduced, name: str, acceleration: Any, source: Source, semantics: Semantics | None = None
+    ) -> Robot:
         wanted = part.limits.limited(None, None, None, acceleration, 0.0)
-        return cls(part, name, wanted.acceleration, Description(source))
+        return cls(part, name, wanted.acceleration, Description(source, semantics=semantics or Semantics()))
 
     @classmethod
-    def _of_chain(cls, chain: Chain, source: Source) -> Robot:
+    def _of_chain(cls, chain: Chain, source: Source, semantics: Semantics | None = None) -> Robot:
         model, mimic = model_of(chain)
         part = reduced(model, chain.tips, chain.base, None, mimic)
-        return cls._of_part(part, chain.name, chain.acceleration, source)
+        return cls._of_part(part, chain.name, chain.acceleration, source, semantics)
 
     @classmethod
     def from_dh(
@@ -214,6 +223,9 @@ class Robot(Shown):
         *,
         limits: Mapping[str, tuple[float, float]] | None = None,
         tool: Any = None,
+        srdf: str | os.PathLike[str] | None = None,
+        group: str | None = None,
+        xacro_args: Mapping[str, Any] | None = None,
     ) -> Robot:
         """From a URDF file, or from URDF text; the tip None is the only leaf, the base None the root.
 
@@ -230,14 +242,109 @@ class Robot(Shown):
             limits: {joint name: (lower, upper)} [rad, or m] in place of those in the description, for joints that have
                 none, or wrong ones; a continuous joint that is given some is revolute.
             tool: pose of a tool in the tip, or {tip: pose}, as for `with_tool`; None: the tip is the tool.
+            srdf: path or text of an SRDF, see `with_srdf`.
+            group: of that SRDF; it takes the place of tip and base.
+            xacro_args: values of the arguments of a file whose name ends in `.xacro`. It is expanded by the `xacro`
+                package (`maira-qp[xacro]`), which evaluates Python expressions that stand in the file and reads the
+                files that it includes: only for files from sources that you trust.
 
         What the joints that move do not need cannot refuse a description; it is logged. Raises `RobotError` for a
         description that cannot be used, or a tip that no joint moves; `FrameError` for a tip or base that is not a
-        suitable link, and for tips that are repeated; `OptionError` for limits of no joint, or inverted ones.
+        suitable link, for tips that are repeated and for a group that is not there; `OptionError` for limits of no
+        joint, or inverted ones, and for a group beside a tip or base.
         """
+        if is_xacro(source):
+            source = expanded(source, xacro_args)
+        elif xacro_args is not None:
+            raise OptionError(f"xacro_args go with the path of a .xacro file, not with {shown(source)}")
+        semantics = Semantics() if srdf is None else read_srdf(srdf)
+        if group is not None:
+            if tip is not None or base is not None:
+                raise OptionError(f"a group has its own tip and base: give group={shown(group)}, or those")
+            base, tip = semantics.ends(group, link_tree(source))
         chain = read_urdf(source, tip=tip, base=base, limits=limits)
         read = URDFSource(chain.urdf, chain.tips, chain.base, chain.resting)
-        return cls._of_chain(chain, read)._with_tool(tool)
+        return cls._of_chain(chain, read, semantics)._with_tool(tool)
+
+    @classmethod
+    def from_mjcf(
+        cls,
+        source: str | os.PathLike[str],
+        tip: str | Sequence[str] | None = None,
+        base: str | None = None,
+        *,
+        limits: Mapping[str, tuple[float, float]] | None = None,
+        tool: Any = None,
+    ) -> Robot:
+        """From an MJCF file, or from MJCF text, through the `mujoco` package (`maira-qp[mujoco]`).
+
+        MuJoCo itself resolves defaults, includes, angles and frames, and `q` is its `qpos`. Joints between base and
+        tips move, all others are fixed at zero, and elsewhere by `at_rest`; those of free joints and balls where the
+        model has them. Equality constraints of joints and of fixed tendons that leave a joint one leader make it a
+        mimic joint; others are not kept, and are logged where they concern the joints that move. Shapes become the
+        nearest of URDF, a plane a box below it, an ellipsoid the box around it. Meshes, height fields and textures are
+        not opened. Keyframes are states, see `state`; links that MuJoCo does not let collide may touch.
+
+        MuJoCo reads whatever files the model includes, and makes whatever it asks for: take models from sources that
+        you trust.
+
+        Args:
+            source: path, or text that begins with `<`, whose includes are relative to the working directory.
+            tip: body or site, or list of those; a site with the name of a body is `<name>_site`. None: the only leaf.
+            base: body or site that poses are relative to. None: the body on a free joint, if the tips hang on one,
+                else the world.
+            limits: {joint name: (lower, upper)} [rad, or m] in place of those in the model.
+            tool: pose of a tool in the tip, or {tip: pose}, as for `with_tool`; None: the tip is the tool.
+
+        Raises `RobotError` if MuJoCo is not installed or refuses the model, and what `from_urdf` raises: for a free
+        joint or a ball between base and tip, or a slide without limits.
+        """
+        chain, semantics = read_mjcf(source, tip, base, limits)
+        read = URDFSource(chain.urdf, chain.tips, chain.base, chain.resting)
+        return cls._of_chain(chain, read, semantics)._with_tool(tool)
+
+    @classmethod
+    def load(
+        cls,
+        name: str,
+        tip: str | Sequence[str] | None = None,
+        base: str | None = None,
+        *,
+        limits: Mapping[str, tuple[float, float]] | None = None,
+        tool: Any = None,
+    ) -> Robot:
+        """A robot by its name, from the package that carries its description; `available` lists the names.
+
+        Each name means one robot of one package, whatever is installed: "panda" is that of `example-robot-data`, as
+        "example-robot-data/panda" says in full. Names that end with `_description`, such as "ur5e_description", are
+        modules of `robot_descriptions`; nothing is downloaded.
+
+        Args:
+            name: short, or with its package.
+            tip, base: as in `from_urdf`; None: those that are listed for the robot, of a tip alone the root as base.
+            limits: {joint name: (lower, upper)} [rad, or m] in place of those in the description.
+            tool: pose of a tool in the tip, or {tip: pose}, as for `with_tool`; None: the tip is the tool.
+
+        Raises `RobotError` for an unknown name, with the nearest ones, and where files are missing, with what to
+        install; and what `from_urdf` raises.
+        """
+        entry = entry_of(name)
+        if entry.package == OWN:
+            robot = cls.from_dh(getattr(catalog, entry.name)())
+            if tip is None and base is None and not limits:
+                return robot._with_tool(tool)
+            return cls.from_urdf(robot.urdf, robot.tip if tip is None else tip, base, limits=limits, tool=tool)
+        if tip is None:
+            tip, base = entry.tip, entry.base if base is None else base
+        path = description_file(entry)
+        if xml_root(path).tag == "mujoco":
+            return cls.from_mjcf(path, tip, base, limits=limits, tool=tool)
+        return cls.from_urdf(path, tip, base, limits=limits, tool=tool, srdf=srdf_file(entry))
+
+    @staticmethod
+    def available() -> tuple[str, ...]:
+        """The names that `load` takes, of the packages that are installed; `robot_descriptions` has more."""
+        return tuple(entry.name for entry in installed())
 
     @classmethod
     def maira(cls) -> Robot:
@@ -282,6 +389,38 @@ class Robot(Shown):
         what is not the limit of a joint.
         """
         return self._with(self._limits.released(limits, np.where(self.slides, self.length, 2 * np.pi)))
+
+    def with_srdf(self, srdf: str | os.PathLike[str]) -> Robot:
+        """The same robot with what an SRDF says of it: groups, named states, and links that may touch.
+
+        `state` gives the configuration of a name; a `CollisionLimit` looks for no collisions between the links of its
+        `<disable_collisions>`. What it says of links and joints that are not the robot's does not matter.
+
+        Args:
+            srdf: path, or text that begins with `<`.
+
+        Raises `RobotError` for what is no SRDF.
+        """
+        description = replace(self._description, semantics=self.semantics.joined(read_srdf(srdf)))
+        return self._made(self._part, description, self._limits)
+
+    @property
+    def semantics(self) -> Semantics:
+        """Groups, named configurations and links that may touch, of an SRDF or MJCF."""
+        return self._description.semantics
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of configurations of an SRDF or MJCF, see `state`."""
+        return self.semantics.state_names(self.joint_names)
+
+    def state(self, name: str) -> np.ndarray:
+        """The configuration (n,) [rad, or m] of a name that an SRDF (`<group_state>`) or MJCF (`<key>`) gives it.
+
+        Where groups give different values to one joint, the name is `<group>/<name>`. Raises `ConfigurationError` for
+        a name that there is not, or whose state leaves out joints of the robot.
+        """
+        return self.configuration(self.semantics.state(name, self.joint_names))
 
     @property
     def _limits(self) -> JointLimits:
@@ -583,7 +722,7 @@ class Robot(Shown):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Robot):
             return NotImplemented
-        if self is other or self._traits != other._traits:
+        if self is other or self._traits != other._traits or self.semantics != other.semantics:
             return self is other
         if self._description.source.has_urdf and other._description.source.has_urdf:
             return self.urdf == other.urdf

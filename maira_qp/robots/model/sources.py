@@ -14,6 +14,7 @@ from maira_qp.robots.dh.table import DHTable
 from maira_qp.robots.model.edits import Edit, edited, placed_values, words
 from maira_qp.robots.model.joint_limits import JointLimits, Limits
 from maira_qp.robots.model.reduced import Reduced, reduced
+from maira_qp.robots.srdf.semantics import Semantics
 from maira_qp.robots.urdf.joint import Joint, fixed_at, turned_round
 from maira_qp.robots.urdf.model import model_of
 from maira_qp.robots.urdf.reader import read_urdf
@@ -152,6 +153,8 @@ class Description:
     edits: tuple[Edit, ...] = ()
     is_limited: bool = False
     """The limits of the joints are other ones than those of the source."""
+    semantics: Semantics = field(default_factory=Semantics)
+    """Groups, named configurations and links that may touch."""
 
     @property
     def part(self) -> Reduced:

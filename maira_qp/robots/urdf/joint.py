@@ -16,6 +16,8 @@ from maira_qp.robots.urdf.rpy import matrix_from_rpy, rpy_from_matrix
 
 MOVING = ("revolute", "continuous", "prismatic")
 KINDS = (*MOVING, "fixed", "floating", "planar")
+BALL = "ball"
+"""A type that URDF lacks and MJCF has; it is in no list of valid ones."""
 
 LARGEST = 1e9
 """Largest length [m], angle [rad] and mimic multiplier that is read: beyond it a double has no micrometre left."""
@@ -67,7 +69,7 @@ def joint_of(element: Element, given: tuple[float, float] | None = None) -> Join
     """
     name, kind = element.attrib["name"], element.get("type")
     what = f"joint {name!r}"
-    if kind not in KINDS:
+    if kind not in (*KINDS, BALL):
         told = f"the unknown type {kind!r}" if kind else "no type"
         raise RobotError(f"{what} has {told}; {listed(KINDS, kind)}")
     limit = _child(element, "limit")

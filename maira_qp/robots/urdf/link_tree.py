@@ -93,6 +93,12 @@ class LinkTree:
         """The name itself if it is a link's. Raises `FrameError` that names the role, `tip` or `base`."""
         return known_frame(link, role, self.links)
 
+    def known_joint(self, joint: str) -> str:
+        """The name itself if it is a joint's. Raises `RobotError`."""
+        if joint not in self._edges:
+            raise RobotError(f"{joint!r} is not a joint of this robot; {listed(self._edges, joint)}")
+        return joint
+
     def leaves(self, base: str) -> list[str]:
         """The links under the base that carry nothing."""
         return [link for link in [base, *(edge.child for edge in self.below(base))] if not self.beneath[link]]

@@ -23,6 +23,7 @@ from maira_qp.errors import RobotError, listed
 from maira_qp.robots.model.joint_limits import Limits, given_limits
 from maira_qp.robots.model.kinematics import MAX_JOINTS
 from maira_qp.robots.urdf.joint import (
+    BALL,
     MOVING,
     Joint,
     ends_of,
@@ -97,7 +98,7 @@ def read_urdf(
     """
     root = _robot_element(source)
     links, elements = _named(root, "link"), _named(root, "joint")
-    tree = LinkTree(links, [_edge(element) for element in elements.values()])
+    tree = _tree(links, elements)
     base = tree.root if base is None else tree.known(base, "base")
     tips = tree.known_tips(tip, base)
     turned: set[str] = set()
@@ -173,6 +174,16 @@ def _named(root: Element, tag: str) -> dict[str, Element]:
     return found
 
 
+def link_tree(source: str | os.PathLike[str]) -> LinkTree:
+    """The links of a URDF file, or of URDF text, and the joints between them. Raises `RobotError`."""
+    root = _robot_element(source)
+    return _tree(_named(root, "link"), _named(root, "joint"))
+
+
+def _tree(links: Iterable[str], elements: Mapping[str, Element]) -> LinkTree:
+    return LinkTree(links, [_edge(element) for element in elements.values()])
+
+
 def _edge(element: Element) -> Edge:
     return Edge(element.attrib["name"], *ends_of(element), element.get("type") in MOVING)
 
@@ -202,9 +213,10 @@ def _moving_joints(joints: Mapping[str, Joint], path: list[str]) -> dict[str, Jo
     """The joints that move, by name: those on the path and the leaders of its mimics, with the limits that hold."""
     moving: dict[str, Joint] = {}
     for joint in (joints[name] for name in path):
-        if joint.kind in ("floating", "planar"):
+        if joint.kind in ("floating", "planar", BALL):
+            kind = "a ball joint" if joint.kind == BALL else joint.kind
             raise RobotError(
-                f"joint {joint.name!r} is {joint.kind}, which is not supported",
+                f"joint {joint.name!r} is {kind}, which is not supported",
                 python=f"start behind it, base={joint.child!r}",
                 shell=f"start behind it, --base {joint.child}",
             )

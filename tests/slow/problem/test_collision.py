@@ -454,7 +454,7 @@ def test_mistakes_are_told(options, words):
 
 
 def test_srdf_that_is_none(tmp_path):
-    for text, words in [("<urdf/>", "not an SRDF"), ("<robot><disable_collisions link1='a'/></robot>", "lacks link1")]:
+    for text, words in [("<urdf/>", "not an SRDF"), ("<robot><disable_collisions link1='a'/></robot>", "lacks link2")]:
         (tmp_path / "a.srdf").write_text(text)
         with pytest.raises(RobotError, match=words):
             CollisionLimit(allowed=tmp_path / "a.srdf").of(arm(ball(0.1), ball(0.1)))

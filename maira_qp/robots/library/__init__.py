@@ -1,0 +1,1 @@
+"""Robots by name, from packages that carry their descriptions."""

@@ -1,0 +1,1 @@
+"""Robots from MJCF, through the `mujoco` package."""
