@@ -24,6 +24,7 @@ from maira_qp.apps.commands.jobs.dataset import Dataset
 from maira_qp.apps.commands.jobs.job import Job, JobActions
 from maira_qp.apps.commands.jobs.reach import Reach
 from maira_qp.apps.commands.plot import Pictures, Plot
+from maira_qp.apps.commands.robots import Robots
 from maira_qp.apps.commands.solve import Solve
 from maira_qp.apps.commands.track import Track
 from maira_qp.apps.commands.urdf import Urdf
@@ -55,6 +56,7 @@ Command = (
     | Annotated[Reach, tyro.conf.subcommand("reach")]
     | Annotated[Dataset, tyro.conf.subcommand("dataset")]
     | Annotated[Job, tyro.conf.subcommand("job")]
+    | Annotated[Robots, tyro.conf.subcommand("robots")]
     | Annotated[Compare, tyro.conf.subcommand("compare")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
     | Annotated[Plot, tyro.conf.subcommand("plot")]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from maira_qp.errors import OptionError, RobotError
+from maira_qp.errors import OptionError
 
 if TYPE_CHECKING:
     from maira_qp.robots.model.robot import Robot
@@ -19,7 +19,8 @@ class RobotChoice:
     """Which robot, and which part of it."""
 
     robot: str = "maira"
-    """maira, iiwa14, a URDF file (.urdf or .xml), or a DH table (.toml, .yaml or .yml)."""
+    """A name that `maira-qp robots` lists, a URDF, xacro or MJCF file (.urdf, .xacro, .xml), or a DH table (.toml,
+    .yaml or .yml)."""
     tip: str | None = None
     """Link that is the tool; none: the only end of the chain."""
     base: str | None = None
@@ -31,19 +32,17 @@ class RobotChoice:
         """The robot. Raises `RobotError`, `FrameError`, `OptionError`."""
         from maira_qp.robots.dh.table import DHTable
         from maira_qp.robots.model.robot import Robot
+        from maira_qp.robots.urdf.safe_xml import xml_root
 
         suffix = Path(self.robot).suffix.lower()
         limits = dict(map(_limits, self.limits))
-        if suffix in (".urdf", ".xml"):
+        if suffix == ".xml" and xml_root(self.robot).tag == "mujoco":
+            return Robot.from_mjcf(self.robot, tip=self.tip, base=self.base, limits=limits)
+        if suffix in (".urdf", ".xml", ".xacro"):
             return Robot.from_urdf(Path(self.robot), tip=self.tip, base=self.base, limits=limits)
-        if self.robot in CATALOG:
-            robot = getattr(Robot, self.robot)()
-        elif suffix in (".toml", ".yaml", ".yml"):
-            robot = Robot.from_dh(DHTable.from_file(self.robot))
-        else:
-            raise RobotError(
-                f"unknown robot {self.robot!r}; valid: {', '.join(CATALOG)}, a file (.urdf, .xml, .toml, .yaml, .yml)"
-            )
+        if suffix not in (".toml", ".yaml", ".yml"):
+            return Robot.load(self.robot, tip=self.tip, base=self.base, limits=limits)
+        robot = Robot.from_dh(DHTable.from_file(self.robot))
         if self.tip is None and self.base is None and not limits:
             return robot
         return Robot.from_urdf(robot.urdf, tip=self.tip or robot.tip, base=self.base, limits=limits)

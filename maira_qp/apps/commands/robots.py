@@ -10,9 +10,9 @@ import tyro
 
 @dataclass(frozen=True, kw_only=True)
 class Robots:
-    """List the robots that --robot takes by name: their joints and tips, and the packages that carry them. Packages that
-    are not installed are named with what they hold; modules of robot_descriptions, such as ur5e_description, are names
-    too, once their files are on this machine."""
+    """List the robots that --robot takes by name: their joints and tips, and the packages that carry them. Packages
+    that are not installed are named with what they hold; modules of robot_descriptions, such as ur5e_description, are
+    names too, once their files are on this machine."""
 
     json: tyro.conf.FlagCreatePairsOff[bool] = False
     """One JSON value on stdout."""

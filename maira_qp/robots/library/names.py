@@ -63,7 +63,7 @@ ENTRIES = (
     _examples("ur5", "ur_description/urdf/ur5_robot.urdf", "tool0"),
     _examples("ur10", "ur_description/urdf/ur10_robot.urdf", "tool0"),
     _examples("xarm7", "xarm_description/urdf/xarm7.urdf", "link_eef", srdf="xarm_description/srdf/xarm7.srdf"),
-    _examples("z1", "z1_description/urdf/z1.urdf", "gripperMover"),
+    _examples("z1", "z1_description/urdf/z1.urdf", "link06"),
     _toolbox("al5d", "lynxmotion_al5d_description/urdf/al5d_robot.urdf", "link4"),
     _toolbox("irb140", "abb_irb140_description/urdf/irb140.urdf", "tool0"),
     _toolbox("kr16", "kuka_description/kuka_kr16/urdf/kr16_2.urdf", "tool0"),
@@ -87,7 +87,7 @@ def entry_of(name: object) -> Entry:
     near = difflib.get_close_matches(str(name)[:200].rpartition("/")[2].lower(), names, n=3, cutoff=0.5)
     hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
     raise RobotError(
-        f"no robot is named {shown(name)}; {hint}valid names: {', '.join(names)}, and modules of {DESCRIPTIONS}, such "
+        f"unknown robot {shown(name)}; {hint}valid names: {', '.join(names)}, and modules of {DESCRIPTIONS}, such "
         "as ur5e_description; a file goes to Robot.from_urdf or from_mjcf",
         shell="or a file: .urdf, .xacro, .xml, .toml, .yaml",
     )

@@ -37,9 +37,9 @@ from maira_qp.robots.model.joint_values import joint_array, joint_order
 from maira_qp.robots.model.kinematics import Kinematics
 from maira_qp.robots.model.reduced import Couplings, Reduced, coupled, frames_of, plain, reduced
 from maira_qp.robots.model.sources import Description, DHSource, ModelSource, Source, URDFSource
-from maira_qp.robots.urdf.model import model_of
 from maira_qp.robots.srdf.reader import read_srdf
 from maira_qp.robots.srdf.semantics import Semantics
+from maira_qp.robots.urdf.model import model_of
 from maira_qp.robots.urdf.reader import Chain, link_tree, read_urdf
 from maira_qp.robots.urdf.safe_xml import xml_root
 from maira_qp.robots.urdf.writer import urdf_text
