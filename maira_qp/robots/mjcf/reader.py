@@ -76,7 +76,10 @@ def _keyframes(model: Any, names: Names) -> dict[str, dict[str, float]]:
 
 
 def _touching(model: Any, names: Names) -> frozenset[frozenset[str]]:
-    """Pairs of bodies that are excluded from contacts, or of whose geoms no two fit by `contype` and `conaffinity`."""
+    """Pairs of bodies between which MuJoCo makes no contacts.
+
+    They are excluded, one carries the other directly, or no two of their geoms fit by `contype` and `conaffinity`.
+    """
     pairs = {divmod(int(signature), 1 << 16) for signature in model.exclude_signature}
     types, affinities = np.array(model.geom_contype), np.array(model.geom_conaffinity)
     solid = np.flatnonzero(types | affinities)
@@ -86,6 +89,13 @@ def _touching(model: Any, names: Names) -> frozenset[frozenset[str]]:
     }
     for first in masks:
         for second in (body for body in masks if body > first):
-            if not any(t & b or s & a for t, a in masks[first] for s, b in masks[second]):
+            fit = any(t & b or s & a for t, a in masks[first] for s, b in masks[second])
+            if not fit or _carries(model, first, second) or _carries(model, second, first):
                 pairs.add((first, second))
     return frozenset(frozenset((names.bodies[first], names.bodies[second])) for first, second in pairs)
+
+
+def _carries(model: Any, first: int, second: int) -> bool:
+    """Whether a body that is not fixed to the world carries another with nothing between them that moves."""
+    carrier, carried = model.body_weldid[first], model.body_weldid[second]
+    return bool(carrier and carrier == model.body_weldid[model.body_parentid[carried]])

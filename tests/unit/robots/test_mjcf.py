@@ -307,6 +307,13 @@ def test_keyframes_are_states():
     assert mq.Robot.from_mjcf(SHAPES, tip="c").limited(margin=0.1).state("home").tolist() == [0.1, 0.2, 0.3]
 
 
+def test_a_body_may_touch_the_one_that_carries_it():
+    """Also where two joints are between them; the world does not count, as MuJoCo has it."""
+    text = SHAPES.replace('<joint name="b" axis="0 1 0" range="-180 180"/>', '<joint name="b"/><joint name="e"/>')
+    touching = mq.Robot.from_mjcf(text.split("<keyframe>")[0] + "</mujoco>", tip="tip").semantics.touching
+    assert {frozenset(pair) for pair in ("ab", "bc", "cd", "ad")} == touching
+
+
 def test_pairs_that_contype_keeps_apart_may_touch():
     text = SHAPES.replace('group="1"', 'contype="2" conaffinity="4"')
     robot = mq.Robot.from_mjcf(text, tip="tip")
