@@ -1,22 +1,42 @@
-"""Docstrings describe several parameters in one entry, `step, turn, frame: ...`; the reference lists each of them."""
+"""What the reference shows of parameters: each of those that one entry describes, `step, turn, frame: ...`; no private one,
+as some fields of results are.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from typing import Any
 
-from griffe import Extension, Function
+from griffe import Class, Extension, Function, Module
 
 ENTRY = re.compile(r"^(    )?(\w+(?:, \w+)+): (.*(?:\n(?:\1)?        .*)*)", re.MULTILINE)
 
 
 class EachParameter(Extension):
-    """Split entries of several parameters."""
+    """Split entries of several parameters, and hide private ones."""
 
     def on_function_instance(self, *, func: Function, **_: Any) -> None:
         """Called for every function of the package."""
         if func.docstring is not None:
             func.docstring.value = ENTRY.sub(split, func.docstring.value)
+
+    def on_package(self, *, pkg: Module, **_: Any) -> None:
+        """Called once the package is read, after the parameters of dataclasses are known."""
+        for each in classes(pkg):
+            init = each.members.get("__init__")
+            if isinstance(init, Function):
+                for name in [parameter.name for parameter in init.parameters if parameter.name.startswith("_")]:
+                    del init.parameters[name]
+
+
+def classes(room: Module | Class) -> Iterator[Class]:
+    """All classes of a package."""
+    for member in room.members.values():
+        if isinstance(member, Class):
+            yield member
+        if isinstance(member, (Module, Class)):
+            yield from classes(member)
 
 
 def split(match: re.Match) -> str:
