@@ -1,6 +1,4 @@
-"""What the reference shows of parameters: each of those that one entry describes, `step, turn, frame: ...`; no private one,
-as some fields of results are.
-"""
+"""The reference's parameters: each of several that share an entry (`step, turn, frame: ...`), no private one."""
 
 from __future__ import annotations
 
