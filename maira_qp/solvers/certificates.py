@@ -6,7 +6,7 @@ unreachable. It speaks of the joint limits alone; further tasks and limits make 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -70,6 +70,14 @@ class Proofs:
                 span = np.zeros(2) if srs is None else np.array(srs.span)
                 return Proofs(problem, robot.chain, points, pivots(robot), turn, arm, span)
         return None
+
+    def boxed(self, problem: Problem, chain: np.ndarray) -> Proofs:
+        """The same for the arm with tighter limits, and its chain (n + 1, 17)."""
+        of_arm = None if self.srs is None else SRS.of(self.problem.robot)
+        if of_arm is None:
+            return replace(self, problem=problem, chain=chain)
+        srs = of_arm.of_boxed(problem.robot)
+        return replace(self, problem=problem, chain=chain, srs=srs_array(srs), span=np.array(srs.span))
 
     def unreachable(self, rows: np.ndarray) -> np.ndarray:
         """Which of the poses (N, 12) are proved to be out of reach, (N,) of bool; the others may be."""

@@ -42,8 +42,6 @@ if TYPE_CHECKING:
 
 COMPILED = "compiled"
 
-ASKED = "a QP backend was asked for"
-
 SOLVES = (
     (
         "one pose, position or orientation task of the tip of a serial chain of 1 to some 30 joints, joint limits; no "
@@ -141,7 +139,7 @@ class Engines:
         if backend is not None and not isinstance(backend, (str, Backend)):
             raise BackendError(f"backend must be a name or mq.Backend(name, settings), got {shown(backend)}")
         compiled = compiled_tick = None
-        refusal = tick_refusal = ASKED
+        refusal = tick_refusal = "a QP backend was asked for"
         if backend is None or backend == COMPILED:
             from maira_qp.solvers.compiled import engine, problem_arrays, step  # heavy: Numba comes with it
 
@@ -162,18 +160,22 @@ class Engines:
 
     def with_problem(self, problem: Problem) -> Engines:
         """The same for a problem that differs in its redundancy or its restarts: for solves from a start."""
-        compiled = None if self.compiled is None else self.compiled.with_problem(problem)
+        return self._with(problem, None if self.compiled is None else self.compiled.with_problem(problem))
+
+    def _with(self, problem: Problem, compiled: Compiled | None) -> Engines:
+        """The same for another problem and the compiled engine of that."""
         reference = replace(
             self.reference,
             context=replace(self.reference.context, problem=problem),
             compiled=None if self.reference.compiled is None else compiled,
             screening=None if self.reference.screening is None else compiled,
         )
-        return replace(self, problem=problem, reference=reference, compiled=compiled)
+        return replace(self, problem=problem, reference=reference, compiled=compiled, change=None)
 
     def within(self, start: np.ndarray, change: np.ndarray) -> Engines:
         """The same where no joint may be farther from a start (n,) than a change (n,). Raises `ConfigurationError`."""
-        return Engines.build(self.problem.within(start, change), self.backend if self.refusal == ASKED else None)
+        problem = self.problem.within(start, change)
+        return self._with(problem, None if self.compiled is None else self.compiled.boxed(problem))
 
     def boxed_by(self, change: np.ndarray) -> Engines:
         """The same for a batch whose answers are within a change (n,) of their starts."""

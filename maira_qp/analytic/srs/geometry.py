@@ -207,6 +207,10 @@ class SRS:
         """The same arm with limits (7,) and (7,) [rad] within those of the robot."""
         return replace(self, lower=lower, upper=upper)
 
+    def of_boxed(self, robot: Robot) -> SRS:
+        """That of the same arm with tighter limits."""
+        return replace(self, robot=robot, lower=robot.lower, upper=robot.upper)
+
     @cached_property
     def joints(self) -> tuple[SphericalJoint, SphericalJoint]:
         """Shoulder and wrist."""

@@ -211,6 +211,20 @@ class ProblemArrays:
         chain[:-1, Joint.LOWER][joints], chain[:-1, Joint.UPPER][joints] = -np.inf, np.inf
         return replace(self, chain=chain)
 
+    def boxed(self, problem: Problem) -> Self:
+        """The same for a problem of the arm with tighter limits; its seeds are those of the whole, clipped."""
+        robot, turns, chain = problem.robot, problem.turns, self.chain.copy()
+        chain[:-1, Joint.LOWER], chain[:-1, Joint.UPPER] = robot.lower, robot.upper
+        chain[:-1, Joint.START_LOWER], chain[:-1, Joint.START_UPPER] = turns.window
+        return replace(
+            self,
+            problem=problem,
+            chain=chain,
+            library=np.clip(self.library, *turns.window),
+            proofs=self.proofs.boxed(problem, chain),
+            turns=turns if turns.everywhere.any() else None,
+        )
+
     def with_problem(self, problem: Problem) -> Self:
         """The same for a problem that differs in its redundancy or its restarts, as it is searched from a start.
 
