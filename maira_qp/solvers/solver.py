@@ -7,7 +7,7 @@ compiled engine where that takes the problem, else by the reference engine: see 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -497,8 +497,10 @@ class Solver(Shown):
         if not isinstance(keep_direction, (bool, np.bool_)):
             raise OptionError(f"keep_direction must be True or False, got {shown(keep_direction)}")
         solver = self._for(tool)
-        if in_frame is not None:
+        if in_frame is not None or isinstance(q, Mapping):
             q = self.robot.configuration(q)
+        if isinstance(velocity, Mapping):
+            velocity = joint_array(velocity, self.robot.joint_names, "velocity")
         target = solver._in_base(target, q, in_frame, base)
         by_reference = deadline is not None or keep_direction
         step = None if by_reference else solver.engines.compiled_step(q, target, float(dt), velocity)

@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
+import pinocchio as pin
+
+from maira_qp.arrays import is_native
 from maira_qp.problem.redundancy import Strict
 from maira_qp.robots.model.edits import placement, unused
 from maira_qp.robots.model.robot import Robot
@@ -18,9 +21,16 @@ NAMES, PARTS = ("frame", "reference"), ("limit", "objective")
 
 
 def key_of(tool: Any) -> tuple[tuple[str, bytes], ...]:
-    """What a tool is told apart by, one pose or {tip: pose}. Raises `PoseError`."""
+    """What a tool is told apart by, one pose or {tip: pose}. Raises `PoseError` for what cannot be one."""
     poses = tool if isinstance(tool, Mapping) else {"": tool}
-    return tuple((str(tip), placement(pose, "tool").homogeneous.tobytes()) for tip, pose in poses.items())
+    return tuple((str(tip), _bytes_of(pose)) for tip, pose in poses.items())
+
+
+def _bytes_of(pose: Any) -> bytes:
+    """Of an array as it is: whether it is a pose is checked when a solver is made for it."""
+    if isinstance(pose, pin.SE3):
+        return pose.homogeneous.tobytes()
+    return pose.tobytes() if is_native(pose, (4, 4)) else placement(pose, "tool").homogeneous.tobytes()
 
 
 def names_for(tool: Any, robot: Robot) -> Any:

@@ -40,9 +40,13 @@ def joint_array(
         missing = ", ".join(repr(each) for each in joint_names if each not in values)
         raise error(f"{name} needs a value for each joint, and {missing} is missing")
     array = np.empty(n) if default is None else np.array(default, dtype=np.float64)
-    for i, joint in enumerate(joint_names):
-        if joint in values:
-            array[i] = real_array(values[joint], (), f"{name} of joint {joint!r}", error, finite=finite)
+    named = [i for i, joint in enumerate(joint_names) if joint in values]
+    given = [values[joint_names[i]] for i in named]
+    try:
+        array[named] = real_array(given, (len(named),), name, error, finite=finite)
+    except error:  # which one is it?
+        for i, value in zip(named, given, strict=True):
+            array[i] = real_array(value, (), f"{name} of joint {joint_names[i]!r}", error, finite=finite)
     return array
 
 
