@@ -266,20 +266,21 @@ def test_joints_of_a_model_at_rest(name, rng):
 
 
 def test_joints_at_rest_on_the_way_from_hand_to_hand(rng):
-    """The tree is turned round, and joints that hang on it are placed all the same."""
-    file = urdf_file("baxter")
-    robot = mq.Robot.from_urdf(file, tip="right_gripper", base="left_gripper")
-    made = robot.at_rest({"head_pan": 0.5})
-    whole, q = WholeModel(file.read_text()), robot.random_configuration(rng)
-    for frame in ("head", "right_gripper", "torso"):
-        data, values = whole.data, {**robot.joints(q), "head_pan": 0.5}
-        p = pin.neutral(whole.model)
-        for joint, value in values.items():
-            p[whole.model.joints[whole.model.getJointId(joint)].idx_q] = value
-        pin.framesForwardKinematics(whole.model, data, p)
-        a, b = (data.oMf[whole.model.getFrameId(each)] for each in ("left_gripper", frame))
+    """The tree is turned round, and with it the lift under both arms, which is placed all the same."""
+    file, (right, left) = urdf_file("tiago_arms"), ("arm_right_tool_link", "arm_left_tool_link")
+    robot = mq.Robot.from_urdf(file, tip=right, base=left)
+    placed = {"torso_lift_joint": 0.2, "head_1_joint": 0.5}
+    made, q = robot.at_rest(placed), robot.random_configuration(rng)
+    model = pin.buildModelFromUrdf(str(file))
+    data, whole = model.createData(), pin.neutral(model)
+    for joint, value in {**robot.joints(q), **placed}.items():
+        whole[model.joints[model.getJointId(joint)].idx_q] = value
+    pin.framesForwardKinematics(model, data, whole)
+    for frame in ("base_footprint", "head_2_link", right, "torso_lift_link"):
+        a, b = (data.oMf[model.getFrameId(each, pin.FrameType.BODY)] for each in (left, frame))
         expected = (a.inverse() * b).homogeneous
-        np.testing.assert_allclose(made.forward(q, frame).homogeneous, expected, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(made.forward(q, frame).homogeneous, expected, rtol=0, atol=1e-12, err_msg=frame)
+    assert np.abs((robot.forward(q, "head_2_link").inverse() * made.forward(q, "head_2_link")).translation).max() > 0.1
 
 
 def test_what_cannot_be_placed(panda):
