@@ -36,7 +36,7 @@ from maira_qp.robots.model.joint_limits import JointLimits
 from maira_qp.robots.model.joint_values import joint_array, joint_order
 from maira_qp.robots.model.kinematics import Kinematics
 from maira_qp.robots.model.reduced import Couplings, Reduced, coupled, frames_of, plain, reduced
-from maira_qp.robots.model.sources import Description, DHSource, ModelSource, Source, URDFSource
+from maira_qp.robots.model.sources import Description, DHSource, ModelSource, Source, URDFSource, given_table
 from maira_qp.robots.srdf.reader import read_srdf
 from maira_qp.robots.srdf.semantics import Semantics
 from maira_qp.robots.urdf.model import model_of
@@ -197,6 +197,7 @@ class Robot(Shown):
         name: str | None = None,
         *,
         convention: Convention | None = None,
+        limits: Mapping[str, tuple[float, float]] | None = None,
         tool: Any = None,
     ) -> Robot:
         """From a DH table or its links; the base is `base_link`, the tip `tool0`.
@@ -205,13 +206,16 @@ class Robot(Shown):
             links: the table, or `DHLink`s, or mappings of their fields.
             name: of the robot; None: the table's.
             convention: "standard" (distal) or "modified" (Craig's); None: the table's, of links the standard one.
+            limits: {joint name: (lower, upper)} [rad, or m] in place of those of the table; a continuous joint that is
+                given some is revolute.
             tool: pose of a tool in the tip, as for `with_tool`; None: the tip is the tool.
 
-        Raises `RobotError`; `PoseError` for the tool.
+        Raises `RobotError`; `OptionError` for the limits; `PoseError` for the tool.
         """
         table = links if isinstance(links, DHTable) else DHTable(links, convention=convention or "standard")
         if name is not None or convention is not None:
             table = DHTable(table.links, table.name if name is None else name, convention or table.convention)
+        table = given_table(table, limits)
         return cls._of_chain(read_urdf(urdf_text(table)), DHSource(table))._with_tool(tool)
 
     @classmethod

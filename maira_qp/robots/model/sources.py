@@ -10,9 +10,9 @@ from typing import Any
 from xml.etree import ElementTree
 
 from maira_qp.errors import RobotError
-from maira_qp.robots.dh.table import DHTable
+from maira_qp.robots.dh.table import DHLink, DHTable
 from maira_qp.robots.model.edits import Edit, edited, placed_values, words
-from maira_qp.robots.model.joint_limits import JointLimits, Limits
+from maira_qp.robots.model.joint_limits import JointLimits, Limits, given_limits
 from maira_qp.robots.model.reduced import Reduced, reduced
 from maira_qp.robots.srdf.semantics import Semantics
 from maira_qp.robots.urdf.joint import Joint, fixed_at, turned_round
@@ -179,6 +179,18 @@ class Description:
         """The DH table that the robot is, with its limits; None: it is none."""
         table = self.source.dh
         return None if table is None or self.edits else limited_table(table, limits) if self.is_limited else table
+
+
+def given_table(table: DHTable, limits: Limits | None) -> DHTable:
+    """The DH table with limits of position that are given for some joints at load. Raises `OptionError`."""
+    given, names, links = given_limits(limits, table.joint_names), iter(table.joint_names), list[DHLink]()
+    for link in table.links:
+        pair = None if link.kind == "fixed" else given.get(next(names))
+        if pair is not None:
+            kind = "revolute" if link.kind == "continuous" else link.kind
+            link = replace(link, kind=kind, lower=pair[0], upper=pair[1])
+        links.append(link)
+    return DHTable(links, table.name, table.convention)
 
 
 def limited_table(table: DHTable, limits: JointLimits) -> DHTable:

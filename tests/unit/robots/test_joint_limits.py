@@ -315,3 +315,18 @@ def test_a_leader_that_is_released_takes_its_follower_along():
     assert (tighter.lower[0], tighter.upper[0]) == (robot.lower[0], 0.3)
     again = free.released(["leader lower"])
     assert (again.lower[0], again.upper[0]) == pytest.approx((-0.25 - 2 * np.pi, 0.55 + 2 * np.pi))
+
+
+def test_limits_of_a_dh_table_are_given_at_load():
+    """In place of those of the table, looser ones too; the rest of it stays."""
+    links = [{"kind": "fixed", "d": 0.1}, {"kind": "continuous", "a": 0.5}, {"a": 0.4, "lower": -1.0, "upper": 1.0}]
+    robot = mq.Robot.from_dh(links, limits={"joint2": (-2.0, 3.0)})
+    assert robot.lower.tolist() == [-np.inf, -2.0]
+    assert robot.upper.tolist() == [np.inf, 3.0]
+    both = mq.Robot.from_dh(robot.dh, limits={"joint1": (-4.0, 4.0)})
+    assert both.upper.tolist() == [4.0, 3.0]
+    assert both.dh.links[1].kind == "revolute"
+    assert mq.Robot.from_urdf(both.urdf) == both
+    assert mq.Robot.from_dh(robot.dh, limits={}) == robot
+    with pytest.raises(OptionError, match=r"limits: 'joint3' is not a joint.*valid names: joint1, joint2"):
+        mq.Robot.from_dh(links, limits={"joint3": (-1.0, 1.0)})
