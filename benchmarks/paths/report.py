@@ -93,7 +93,7 @@ def conditions(criterion: Criterion) -> str:
             f" {AT_LIMITS}th with control points at limits;",
             f"  a step over {TIMES_THE_MOTION:g} times the largest of that motion counts as well. free: from any start;"
             " true: from the motion's own.",
-            f"times: medians, one thread, called from Python. x ours: that of a free start over {TRACK}'s.",
+            f"times: medians of processor time, called from Python. x ours: that of a free start over {TRACK}'s.",
             machine(),
             ", ".join(found),
         ]
