@@ -6,7 +6,7 @@ BIN := .venv/bin
 WITHOUT_PASSES := tests/unit/kernels/test_rigid.py tests/unit/kernels/test_random_numbers.py tests/unit/kernels/test_qp.py
 
 # Tests that run once more with the oldest Pinocchio that is supported: all that touches its models.
-WITH_PINOCCHIO := tests/unit/robots tests/unit/problem tests/unit/solvers
+WITH_PINOCCHIO := tests/unit/robots tests/unit/problem tests/unit/solvers tests/unit/integrations
 
 .PHONY: demo test oldest quick lint examples docs gallery clean
 

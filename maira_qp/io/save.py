@@ -19,6 +19,7 @@ from maira_qp.io.csv_table import write_csv
 from maira_qp.io.npz_table import write_npz
 from maira_qp.io.parquet_table import check_pyarrow, write_parquet
 from maira_qp.io.rerun_log import check_rerun, write_rerun
+from maira_qp.io.ros_messages import joint_trajectory
 from maira_qp.io.table import ColumnTable
 from maira_qp.results.path_solution import PathSolution
 from maira_qp.results.trajectory import Trajectory
@@ -117,32 +118,7 @@ def _write_json(file: BinaryIO, result: Motion) -> None:
 
 
 def _write_ros(file: BinaryIO, result: Motion) -> None:
-    """The fields of `trajectory_msgs/JointTrajectory`."""
-    values = columns(result)
-    if "time" not in values:
-        raise OptionError(
-            "a JointTrajectory needs times, which this path has not: save path.timed(...), or track with dt"
-        )
-    none = np.empty((len(values["q"]), 0))
-    arrays = [values.get(name, none).tolist() for name in ("q", "velocity", "acceleration")]
-    points = [
-        {
-            "positions": q,
-            "velocities": velocity,
-            "accelerations": acceleration,
-            "effort": [],
-            "time_from_start": _duration(time),
-        }
-        for q, velocity, acceleration, time in zip(*arrays, values["time"].tolist(), strict=True)
-    ]
-    header = {"stamp": _duration(0.0), "frame_id": ""}
-    _dump(file, {"header": header, "joint_names": list(result.joint_names), "points": points})
-
-
-def _duration(seconds: float) -> dict[str, int]:
-    """As `builtin_interfaces/Duration`."""
-    whole, rest = divmod(round(seconds * 1e9), 10**9)
-    return {"sec": whole, "nanosec": rest}
+    _dump(file, joint_trajectory(result.joint_names, columns(result)))
 
 
 def _dump(file: BinaryIO, value: Any) -> None:
