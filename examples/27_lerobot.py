@@ -1,8 +1,8 @@
 """LeRobot's `RobotKinematics` by maira_qp: a phone moves a desktop arm of five joints, as LeRobot's loop does it.
 
-In LeRobot one line changes, `from maira_qp.integrations.lerobot import RobotKinematics`. LeRobot is not needed here: the
-motors are a stand-in. The phone turns as it likes; the gripper is where the phone is, and turned as far as five joints
-can. The target then leaves the reach, passes behind the arm and comes back: no joint jumps.
+In LeRobot one line changes, `from maira_qp.integrations.lerobot import RobotKinematics`. LeRobot is not needed here:
+the motors are a stand-in. The phone turns as it likes; the gripper is where the phone is, and turned as far as five
+joints can. The target then leaves the reach, passes behind the arm and comes back: no joint jumps.
 """
 
 from pathlib import Path

@@ -58,7 +58,7 @@ class RobotKinematics:
             urdf_path: URDF file; meshes are not opened.
             target_frame_name: link that `forward_kinematics` places and `inverse_kinematics` moves.
             joint_names: joints in the order of the configurations, k of them; None: all joints of the file that are not
-                mimic joints, in Pinocchio's order. Joints that are left out stand at zero.
+                mimic joints, in Pinocchio's order. Joints that are left out stand at zero, or at the nearest limit.
             max_step: how far a joint moves per call of `inverse_kinematics` at most [degrees, or m], a way back into
                 the limits apart; None: as far as the target asks for.
 
@@ -77,11 +77,11 @@ class RobotKinematics:
         self.target_frame_name = target_frame_name
         self.max_step = max_step
         whole = Robot.from_urdf(urdf_path, tip=target_frame_name)
-        still = {name: (0.0, 0.0) for name in whole.joint_names if name not in self.joint_names}
-        self.robot = Robot.from_urdf(urdf_path, tip=target_frame_name, limits=still) if still else whole
+        zero = dict(zip(whole.joint_names, whole.clip(np.zeros(whole.n)), strict=True))
+        still = {name: value for name, value in zero.items() if name not in self.joint_names}
+        self.robot = whole.locked(still) if still else whole
         """The joints that move the frame."""
-        self._own = [i for i, name in enumerate(self.robot.joint_names) if name in self.joint_names]
-        self._places = [self.joint_names.index(self.robot.joint_names[i]) for i in self._own]
+        self._places = self.robot.order(self.joint_names)
         self._units = np.where(self.robot.slides, 1.0, np.pi / 180)
         slow = self.robot.limited(velocity=MAX_TICK, acceleration=np.inf)
         tasks = PositionTask(), OrientationTask()
@@ -128,7 +128,7 @@ class RobotKinematics:
         solver = self._solvers.get((weights[0] > 0, weights[1] > 0))
         q = start if solver is None else self._followed(solver, start, target)
         result = np.array(given, dtype=float)
-        result[self._places] = (q / self._units)[self._own]
+        result[self._places] = q / self._units
         is_same_kind = isinstance(current_joint_pos, np.ndarray) and len(given) > len(self.joint_names)
         kind = given.dtype if is_same_kind and np.issubdtype(given.dtype, np.floating) else float
         return result.astype(kind)
@@ -159,9 +159,7 @@ class RobotKinematics:
     def _configuration(self, values: Any, name: str) -> np.ndarray:
         """The robot's configuration (n,) [rad, or m]. Raises `ConfigurationError`."""
         own = real_array(self._checked(values, name)[self._places], (len(self._places),), name, ConfigurationError)
-        q = self.robot.middle.copy()
-        q[self._own] = own * self._units[self._own]
-        return q
+        return own * self._units
 
 
 def _moves(joint: ElementTree.Element) -> bool:

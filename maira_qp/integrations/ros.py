@@ -76,11 +76,11 @@ def to_joint_state(
 def from_joint_state(robot: Robot, message: Any) -> JointReadings:
     """Read a `sensor_msgs/JointState`.
 
-    Raises `ConfigurationError` where a joint of the robot is missing or named twice, or the arrays have other lengths
-    than the names; `OptionError` for what is no such message.
+    Raises `OptionError` where a joint of the robot is missing or named twice, and for what is no such message;
+    `ConfigurationError` where the arrays have other lengths than the names.
     """
     names = _names(message, "name")
-    places = _places(robot, names)
+    places = robot.order(names)
     q = _row(message, "position", names, places)
     if q is None:
         raise ConfigurationError("a JointState without positions says nothing of where the robot is")
@@ -102,11 +102,11 @@ def to_joint_trajectory(motion: Motion, *, stamp: Any = 0.0, frame_id: str = "")
 def from_joint_trajectory(robot: Robot, message: Any) -> JointSamples:
     """Read a `trajectory_msgs/JointTrajectory`.
 
-    Raises `ConfigurationError` where a joint of the robot is missing or named twice, or a point has other lengths than
-    the names; `OptionError` for what is no such message.
+    Raises `OptionError` where a joint of the robot is missing or named twice, and for what is no such message;
+    `ConfigurationError` where a point has other lengths than the names.
     """
     names = _names(message, "joint_names")
-    places = _places(robot, names)
+    places = robot.order(names)
     points = list(_field(message, "points"))
     times = np.array([_seconds(_field(point, "time_from_start")) for point in points])
     arrays = []
@@ -191,16 +191,7 @@ def _names(message: Any, key: str) -> list[str]:
     return names
 
 
-def _places(robot: Robot, names: list[str]) -> list[int]:
-    """Where the robot's joints are among names. Raises `ConfigurationError`."""
-    for name in robot.joint_names:
-        if names.count(name) != 1:
-            what = "is missing" if name not in names else "is named twice"
-            raise ConfigurationError(f"joint {name!r} {what}; the message has {', '.join(names) or 'no names'}")
-    return [names.index(name) for name in robot.joint_names]
-
-
-def _row(message: Any, key: str, names: list[str], places: list[int], where: str = "") -> np.ndarray | None:
+def _row(message: Any, key: str, names: list[str], places: np.ndarray, where: str = "") -> np.ndarray | None:
     """The values (n,) of the robot's joints, None where the field is empty. Raises `ConfigurationError`."""
     values = _field(message, key)
     if len(values) == 0:

@@ -126,12 +126,12 @@ def test_mistakes_name_what_is_valid(maira, trajectory):
     calls = [
         (
             lambda: ros.from_joint_state(maira, {**state, "name": state["name"][1:]}),
-            ConfigurationError,
+            OptionError,
             "'joint1' is missing",
         ),
         (
             lambda: ros.from_joint_state(maira, {**state, "name": ["joint1", *state["name"]]}),
-            ConfigurationError,
+            OptionError,
             "twice",
         ),
         (
