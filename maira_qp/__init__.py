@@ -24,7 +24,7 @@ from maira_qp.problem.qp.backends import Backend
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.tasks.axis import AxisTask, LookAtTask
 from maira_qp.problem.tasks.frame import OrientationTask, PoseTask, PositionTask
-from maira_qp.problem.tasks.joints import DampingTask, JointCouplingTask
+from maira_qp.problem.tasks.joints import DampingTask, JointCouplingTask, JointVelocityTask
 from maira_qp.problem.tasks.limit import LimitTask
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.relative import RelativePoseTask
@@ -66,6 +66,7 @@ __all__ = [
     "DistanceLimit",
     "HalfSpaceLimit",
     "JointCouplingTask",
+    "JointVelocityTask",
     "Limit",
     "LimitDistance",
     "LimitTask",

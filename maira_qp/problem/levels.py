@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from maira_qp.errors import OptionError, shown
@@ -20,12 +21,12 @@ EXAMPLES = "mq.PoseTask(), mq.PositionTask(), mq.LookAtTask(point=[1, 0, 1])"
 class TaskHierarchy:
     """Tasks and objectives by level, bound to a robot."""
 
+    parts: tuple[Any, ...]
+    """All tasks and objectives in the order in which they were given, those that are switched off too."""
     primary: tuple[Task, ...]
-    """The first level: what a solve is to reach."""
+    """The first level: what a solve is to reach. Empty where it is switched off and objectives are next."""
     lower: tuple[LevelObjective, ...]
     """The levels below it, in falling priority."""
-    frames: tuple[str, ...]
-    """The frames that a call needs a target for."""
 
     @staticmethod
     def build(robot: Robot, task: Any, tasks: Sequence[Any]) -> TaskHierarchy:
@@ -39,16 +40,26 @@ class TaskHierarchy:
             if not isinstance(each, (Task, ObjectiveTask)):
                 raise OptionError(f"task must be something like {EXAMPLES}, got {shown(each)}")
         made = [each.of(robot) for each in given]
-        priorities = sorted({each.priority for each in made})
-        levels = [_level([each for each in made if each.priority == priority]) for priority in priorities]
-        if not levels or not levels[0].tasks.tasks or levels[0].objectives:
+        first = min((each.priority for each in made), default=1)
+        highest = {isinstance(each, Task) for each in made if each.priority == first}
+        if highest != {True}:
             raise OptionError(f"the first level needs a task, such as {EXAMPLES}")
-        frames = {each.target_frame: None for each in made if isinstance(each, Task)}
-        return TaskHierarchy(
-            primary=levels[0].tasks.tasks,
-            lower=tuple(levels[1:]),
-            frames=tuple(frame for frame in frames if frame is not None),
-        )
+        return TaskHierarchy.of_parts(made)
+
+    @staticmethod
+    def of_parts(parts: Sequence[Any]) -> TaskHierarchy:
+        """Bound tasks and objectives by priority. Where all of a level is switched off, those below it close up."""
+        active = [each for each in parts if not each.is_off]
+        priorities = sorted({each.priority for each in active})
+        levels = [_level([each for each in active if each.priority == priority]) for priority in priorities]
+        begins = bool(levels) and not levels[0].objectives
+        return TaskHierarchy(tuple(parts), levels[0].tasks.tasks if begins else (), tuple(levels[begins:]))
+
+    @cached_property
+    def target_keys(self) -> tuple[str, ...]:
+        """The keys of the targets that a call needs to give."""
+        keys = {each.target_key: None for each in self.parts if not each.is_off and isinstance(each, Task)}
+        return tuple(key for key in keys if key is not None)
 
     @property
     def all_tasks(self) -> tuple[Task, ...]:

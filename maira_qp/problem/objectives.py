@@ -9,13 +9,15 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from copy import copy
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
 from maira_qp.arrays import is_listing, is_number, real_array, semidefinite_matrix
 from maira_qp.errors import OptionError, listed, shown
+from maira_qp.problem.naming import NO_DATUM, check_name, word_for
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.joint_values import joint_array, joint_values
 from maira_qp.robots.model.robot import Robot
@@ -23,6 +25,24 @@ from maira_qp.robots.model.robot import Robot
 
 class Objective(ABC):
     """A cost over configurations. Angles in rad, lengths in m."""
+
+    is_off: ClassVar[bool] = False
+    """An objective of a level of its own always counts; see `naming.Off`."""
+    name: str | None = None
+    """What calls call it by; None: a word for its class, such as "posture"."""
+
+    @property
+    def key(self) -> str:
+        """What a call calls the objective by."""
+        return word_for(self) if self.name is None else self.name
+
+    def with_value(self, value: Any) -> Objective:
+        """The objective, bound to a robot, with another datum, such as its reference. Raises `OptionError`."""
+        raise OptionError(f"{self.key!r}, a {type(self).__name__}, {NO_DATUM}")
+
+    def scaled(self, factor: float) -> Objective:
+        """The same: alone in its level it is minimised whatever its weight > 0."""
+        return self
 
     @abstractmethod
     def of(self, robot: Robot) -> Objective:
@@ -85,6 +105,12 @@ class Posture(Objective):
     """A control tick moves by gain dt (q_ref - q), as far as what goes before it allows, and by no more than all of
     q_ref - q; > 0 [1/s]. None: it goes all the way in one tick, as fast as the limits allow. `solve` does not use it.
     """
+    name: str | None = field(default=None, kw_only=True)
+    """What calls call it by; None: "posture"."""
+
+    def __post_init__(self) -> None:
+        """Raises `OptionError`."""
+        check_name(self.name, self)
 
     def of(self, robot: Robot) -> Posture:
         """With the reference and weights as arrays of the robot's size."""
@@ -96,6 +122,14 @@ class Posture(Objective):
             weights = weights * (counts if weights.ndim == 1 else np.outer(counts, counts))
         q_ref = joint_array(q_ref, robot.joint_names, "q_ref of Posture", OptionError, robot.middle)
         return replace(self, q_ref=q_ref, weights=weights, gain=checked_gain(self.gain, "Posture"))
+
+    def with_value(self, value: Any) -> Posture:
+        """The same with another reference configuration (n,). Raises `OptionError`."""
+        posture = copy(self)
+        object.__setattr__(
+            posture, "q_ref", real_array(value, self.q_ref.shape, f"reference of {self.key!r}", OptionError)
+        )
+        return posture
 
     @property
     def is_diagonal(self) -> bool:
@@ -157,6 +191,12 @@ class LimitDistance(Objective):
     gain: float | None = None
     """As for `Posture` [1/s]: a control tick moves by gain dt (mid - q)."""
     _posture: Posture | None = None
+    name: str | None = field(default=None, kw_only=True)
+    """What calls call it by; None: "limit_distance"."""
+
+    def __post_init__(self) -> None:
+        """Raises `OptionError`."""
+        check_name(self.name, self)
 
     def of(self, robot: Robot) -> LimitDistance:
         """With the robot's middle and ranges: it is a posture, weighted by the ranges."""
@@ -164,7 +204,7 @@ class LimitDistance(Objective):
         counts = np.isfinite(extent) & (extent > 0)
         weights = np.where(counts, 1.0 / (robot.n * np.where(counts, extent, 1.0) ** 2), 0.0)
         gain = checked_gain(self.gain, "LimitDistance")
-        return LimitDistance(gain, Posture(robot.middle, weights, gain).of(robot))
+        return replace(self, gain=gain, _posture=Posture(robot.middle, weights, gain).of(robot))
 
     @property
     def as_posture(self) -> Posture:
@@ -207,6 +247,12 @@ class Manipulability(Objective):
     axes: Any = None
     """What the frame is to be able to do: "translation", "rotation", or some of "x", "y", "z" and "rx", "ry", "rz", as
     in ("x", "y", "rz"): along and about the base's axes; None: all six."""
+    name: str | None = field(default=None, kw_only=True)
+    """What calls call it by; None: "manipulability"."""
+
+    def __post_init__(self) -> None:
+        """Raises `OptionError`."""
+        check_name(self.name, self)
 
     def of(self, robot: Robot) -> Manipulability:
         """With the names of the frame and of the axes checked."""
@@ -260,6 +306,18 @@ class ObstacleDistance(Objective):
     """Links whose origins count; None: the one behind each moving joint, and the tip."""
     sharpness: float = 50.0
     """k [1/m]; > 0."""
+    name: str | None = field(default=None, kw_only=True)
+    """What calls call it by; None: "obstacle_distance"."""
+
+    def __post_init__(self) -> None:
+        """Raises `OptionError`."""
+        check_name(self.name, self)
+
+    def with_value(self, value: Any) -> ObstacleDistance:
+        """The same with the obstacle at another point (3,) [m]. Raises `OptionError`."""
+        objective = copy(self)
+        object.__setattr__(objective, "obstacle", real_array(value, (3,), f"point of {self.key!r}", OptionError))
+        return objective
 
     def of(self, robot: Robot) -> ObstacleDistance:
         """With the point as an array and the frames' names checked."""

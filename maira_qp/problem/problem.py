@@ -6,22 +6,25 @@ argument beside it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from maira_qp.errors import ConfigurationError, OptionError, shown
 from maira_qp.problem.box import ChangeBox
 from maira_qp.problem.levels import TaskHierarchy
-from maira_qp.problem.limits.joint import AccelerationLimit, Limit, PositionLimit, VelocityLimit
+from maira_qp.problem.limits.joint import AccelerationLimit, Limit, PositionLimit, Tick, VelocityLimit
+from maira_qp.problem.naming import Off, are_same, changed, check_known, places_by_key
 from maira_qp.problem.objectives import LimitDistance, Posture
 from maira_qp.problem.options import Options
 from maira_qp.problem.qp.costs import LevelObjective, TaskCost, tasks_toward
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.targets import Poses, Targets, checked_starts, checked_target, checked_targets
+from maira_qp.problem.tasks.frame import TargetTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.joint_values import joint_array
@@ -44,6 +47,8 @@ class Problem:
     options: Options
     box: ChangeBox | None = None
     """Of a call with `max_joint_change`: the robot's limits are those of the box"""
+    wishes: tuple[Any, ...] = ()
+    """The parts of the redundancy, those that are switched off too"""
 
     @staticmethod
     def build(
@@ -71,17 +76,17 @@ class Problem:
                 "Weighted puts its objective into the first level, and there are levels below; "
                 "use mq.ObjectiveTask(objective, weight, priority) or Strict(...)"
             )
-        return Problem(
-            robot,
-            hierarchy,
-            tuple(limit.of(robot) for limit in limits),
-            None if redundancy is None else redundancy.of(robot),
-            options or Options(),
-        )
+        further, options = tuple(limit.of(robot) for limit in limits), options or Options()
+        problem = Problem(robot, hierarchy, further, None, options)
+        problem = problem if redundancy is None else problem.with_redundancy(redundancy.of(robot))
+        problem.places  # noqa: B018  (names that are given twice are refused)
+        return problem
 
     def with_redundancy(self, redundancy: Weighted | Strict | None) -> Problem:
         """The same with another redundancy, bound to the robot."""
-        return replace(self, redundancy=redundancy)
+        if redundancy is None:
+            return replace(self, redundancy=None, wishes=())
+        return replace(self, redundancy=redundancy.of_parts(redundancy.parts), wishes=redundancy.parts)
 
     def within(self, start: np.ndarray, change: np.ndarray) -> Problem:
         """The same where no joint may be farther from a start (n,) than a change (n,). Raises `ConfigurationError`."""
@@ -90,7 +95,66 @@ class Problem:
 
     def of_first_level(self) -> Problem:
         """The same without a redundancy and without tasks below those of the first level."""
-        return replace(self, redundancy=None, hierarchy=replace(self.hierarchy, lower=()))
+        return replace(self, hierarchy=TaskHierarchy.of_parts(self.tasks), redundancy=None, wishes=())
+
+    @cached_property
+    def parts(self) -> tuple[Any, ...]:
+        """All that a call can speak of by a key: tasks and objectives, the redundancy's objectives, limits."""
+        return (*self.hierarchy.parts, *self.wishes, *self.additional_limits)
+
+    @cached_property
+    def places(self) -> dict[str, tuple[int, ...]]:
+        """Where the parts are that a key speaks of."""
+        return places_by_key(self.parts)
+
+    @cached_property
+    def is_active(self) -> tuple[bool, ...]:
+        """Which of the parts count: problems in which the same ones do differ in numbers alone."""
+        return tuple(not part.is_off for part in self.parts)
+
+    def has_parts_of(self, other: Problem) -> bool:
+        """Whether the other problem has the same parts, switched off or not, and its own have at most other data."""
+        if self.is_active != other.is_active or type(self.redundancy) is not type(other.redundancy):
+            return False
+        return all(type(one) is type(part) for one, part in zip(self.parts, other.parts, strict=True))
+
+    def of_call(self, target: Any, weights: Mapping[str, Any] | None = None) -> tuple[Problem, Any]:
+        """The problem of a call with a target and factors for weights, and what of the target is left for it: poses.
+
+        Raises `FrameError` for a key that is none, and what the parts raise.
+        """
+        poses, values = self.split(target)
+        if weights is not None and not isinstance(weights, Mapping):
+            raise OptionError(f"weights must be a mapping such as {{'posture': 0.5}}, got {shown(weights)}")
+        problem = self.with_values(values, weights) if values or weights else self
+        if isinstance(target, Mapping):
+            return problem, {key: pose for key, pose in poses.items() if key in problem.target_keys} or None
+        return problem, poses if problem.target_keys or not self.target_keys else None
+
+    def split(self, target: Any) -> tuple[Any, dict[str, Any]]:
+        """The poses that a call needs to give, out of its target, and the other data. Raises `FrameError`."""
+        if not isinstance(target, Mapping):
+            return target, {}
+        check_known(target, self.places)
+        poses = {key: value for key, value in target.items() if key in self.target_keys}
+        return poses, {key: value for key, value in target.items() if key not in poses}
+
+    def with_values(self, values: Mapping[str, Any], weights: Mapping[str, Any] | None = None) -> Problem:
+        """The problem of a call: some parts with other data, and with their weights times factors; 0: switched off.
+
+        Raises `FrameError` for a key that is none, and what the parts raise.
+        """
+        weights = {} if weights is None else weights
+        check_known((*values, *weights), self.places)
+        parts, count = changed(self.parts, self.places, values, weights), len(self.hierarchy.parts)
+        tasks, wishes = parts[:count], parts[count : count + len(self.wishes)]
+        hierarchy, redundancy = self.hierarchy, self.redundancy
+        if not are_same(tasks, hierarchy.parts):
+            hierarchy = TaskHierarchy.of_parts(tasks)
+        if redundancy is not None and not are_same(wishes, self.wishes):
+            redundancy = redundancy.of_parts(wishes)
+        limits = parts[count + len(self.wishes) :]
+        return Problem(self.robot, hierarchy, limits, redundancy, self.options, self.box, wishes)
 
     def with_options(self, **changes: Any) -> Problem:
         """The same with some options changed."""
@@ -102,9 +166,15 @@ class Problem:
         return self.hierarchy.primary
 
     @property
-    def frames(self) -> tuple[str, ...]:
-        """The K frames that a call needs a target for."""
-        return self.hierarchy.frames
+    def target_keys(self) -> tuple[str, ...]:
+        """The K keys of the targets that a call needs to give: names of tasks, or of their frames."""
+        return self.hierarchy.target_keys
+
+    def followers(self, at: Configuration) -> list[pin.SE3]:
+        """The poses (K) that are to be the targets: of the first task of each key."""
+        tasks = [part for part in self.hierarchy.parts if isinstance(part, TargetTask) and not part.is_off]
+        first = {task.target_key: task for task in reversed(tasks)}
+        return [first[key].actual(at) for key in self.target_keys]
 
     @cached_property
     def limits(self) -> tuple[Limit, ...]:
@@ -157,20 +227,50 @@ class Problem:
 
     def target(self, target: Any) -> Targets:
         """One call's targets, checked: N is 1. Raises `PoseError`, `FrameError`."""
-        return checked_target(target, self.frames, self.robot.length)
+        return checked_target(target, self.target_keys, self.robot.length)
 
     def targets(self, targets: Any, name: str = "target") -> Targets:
         """A batch's targets, checked, each called by a name. Raises `PoseError`, `FrameError`."""
-        return checked_targets(targets, self.frames, self.robot.length, name)
+        return checked_targets(targets, self.target_keys, self.robot.length, name)
 
     def costs(self, poses: Poses) -> tuple[TaskCost, Weighted | Strict | None]:
         """The first level toward its targets, and the secondary objectives: all that is below it."""
         below = [
-            LevelObjective(tasks_toward(level.tasks.tasks, poses), level.objectives) if self.frames else level
+            LevelObjective(tasks_toward(level.tasks.tasks, poses), level.objectives) if self.target_keys else level
             for level in self.hierarchy.lower
         ]
         objectives = self.redundancy.objectives if isinstance(self.redundancy, Strict) else ()
         return tasks_toward(self.tasks, poses), Strict(*below, *objectives) if below else self.redundancy
+
+    @cached_property
+    def of_ticks(self) -> tuple[Task, ...]:
+        """The tasks that ask for motion in control ticks."""
+        return tuple(part for part in self.hierarchy.parts if isinstance(part, Task) and part.is_of_ticks)
+
+    @cached_property
+    def of_solves(self) -> Problem:
+        """The problem of a solve, which knows nothing of tasks that ask for motion."""
+        if not self.of_ticks:
+            return self
+        parts = tuple(Off(part) if part in self.of_ticks else part for part in self.hierarchy.parts)
+        return replace(self, hierarchy=TaskHierarchy.of_parts(parts))
+
+    def costs_of_tick(self, poses: Poses, at: Configuration, tick: Tick) -> tuple[TaskCost, Weighted | Strict | None]:
+        """The same in a control tick that begins at a configuration."""
+        cost, below = self.costs(poses)
+        if not self.of_ticks:
+            return cost, below
+
+        def in_tick(tasks: TaskCost) -> TaskCost:
+            return TaskCost(tuple(task.in_tick(at, tick) for task in tasks.tasks))
+
+        if isinstance(below, Strict):
+            levels = (
+                replace(level, tasks=in_tick(level.tasks)) if isinstance(level, LevelObjective) else level
+                for level in below.objectives
+            )
+            below = Strict(*levels)
+        return in_tick(cost), below
 
     def is_reached(self, position: Any, orientation: Any) -> Any:
         """Whether errors [m] and [rad], numbers or arrays, are within the tolerances."""

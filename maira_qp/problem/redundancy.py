@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeGuard
 
@@ -35,7 +36,7 @@ class Weighted:
 
     objective: Objective
     weight: float = 1e-3
-    """Weight of the objective relative to the pose error; > 0."""
+    """Weight of the objective relative to the pose error; >= 0, 0: nothing."""
     fading: bool = False
     """The weight fades with the pose error."""
 
@@ -43,8 +44,8 @@ class Weighted:
         if not isinstance(self.fading, (bool, np.bool_)):
             raise OptionError(f"fading must be True or False, got {shown(self.fading)}")
         check_objective(self.objective)
-        if not (is_number(self.weight) and 0 < self.weight < math.inf):
-            raise OptionError(f"the weight of Weighted must be a positive number, got {shown(self.weight)}")
+        if not (is_number(self.weight) and 0 <= self.weight < math.inf):
+            raise OptionError(f"the weight of Weighted must be a number >= 0, got {shown(self.weight)}")
 
     def of(self, robot: Robot) -> Weighted:
         """Bind the objective to a robot."""
@@ -64,6 +65,39 @@ class Weighted:
         square = float(slope @ slope)
         weight = self.weight * square / (square + max(FADING, self.weight * float(np.linalg.norm(pull))) ** 2)
         return Weighted(self.objective, weight) if weight > 0.0 else None
+
+    @property
+    def parts(self) -> tuple[Weighted]:
+        """What calls have a key for: the objective with its weight."""
+        return (self,)
+
+    @property
+    def name(self) -> str | None:
+        """That of the objective."""
+        return self.objective.name
+
+    @property
+    def key(self) -> str:
+        """That of the objective."""
+        return self.objective.key
+
+    @property
+    def is_off(self) -> bool:
+        """The weight is 0."""
+        return self.weight == 0
+
+    def with_value(self, value: Any) -> Weighted:
+        """The same with another datum of the objective. Raises what that raises."""
+        return replace(self, objective=self.objective.with_value(value))
+
+    def scaled(self, factor: float) -> Weighted:
+        """The same with the weight times a factor > 0."""
+        return replace(self, weight=self.weight * factor)
+
+    @staticmethod
+    def of_parts(parts: Sequence[Any]) -> Weighted | None:
+        """What is left of it where parts that are off do not count."""
+        return next((part for part in parts if not part.is_off), None)
 
 
 @dataclass(frozen=True, init=False)
@@ -86,3 +120,14 @@ class Strict:
     def of(self, robot: Robot) -> Strict:
         """Bind the objectives to a robot."""
         return Strict(*(objective.of(robot) for objective in self.objectives))
+
+    @property
+    def parts(self) -> tuple[Objective, ...]:
+        """What calls have a key for: the objectives."""
+        return self.objectives
+
+    @staticmethod
+    def of_parts(parts: Sequence[Any]) -> Strict | None:
+        """What is left of it where parts that are off do not count."""
+        left = [part for part in parts if not part.is_off]
+        return Strict(*left) if left else None

@@ -19,7 +19,7 @@ FARTHEST = 1e9
 """Targets farther away than this many lengths of the arm are a mistake, and beyond the numbers."""
 
 Poses = Mapping[str, pin.SE3]
-"""One target by frame"""
+"""One target by key: the name of a task, or its frame"""
 
 WORD = 2**64
 
@@ -30,9 +30,9 @@ Computer Programming", volume 3, section 6.4)."""
 
 @dataclass(frozen=True, eq=False)
 class Targets:
-    """The targets of N calls, checked: K poses each, one for each frame that needs one."""
+    """The targets of N calls, checked: K poses each, one for each key that needs one."""
 
-    frames: tuple[str, ...]
+    keys: tuple[str, ...]
     """(K,)"""
     rows: np.ndarray
     """(N, K, 12): R by rows, then p; NaN for a target with NaN or inf in it"""
@@ -44,11 +44,11 @@ class Targets:
 
     def __getitem__(self, which: int | np.ndarray) -> Targets:
         some = np.atleast_1d(which)
-        return Targets(self.frames, self.rows[some], self.deviations[some])
+        return Targets(self.keys, self.rows[some], self.deviations[some])
 
     def poses(self, i: int = 0) -> dict[str, pin.SE3]:
-        """The i-th target by frame."""
-        return poses_of(self.frames, self.rows[i])
+        """The i-th target by key."""
+        return poses_of(self.keys, self.rows[i])
 
     @property
     def is_finite(self) -> np.ndarray:
@@ -123,7 +123,7 @@ def _instead(frames: tuple[str, ...], needed: str) -> str:
 
 
 def poses_of(frames: tuple[str, ...], row: np.ndarray) -> dict[str, pin.SE3]:
-    """The target of a row (K, 12) by frame."""
+    """The target of a row (K, 12) by key."""
     return {frame: pose_of(each) for frame, each in zip(frames, row, strict=True)}
 
 

@@ -66,6 +66,11 @@ class BatchSolution(Answer):
     _targets: np.ndarray = field(repr=False)
     """The poses (N, K, 12) that were asked for, see `Targets`"""
     _origin: Origin | None = field(repr=False)
+    _origins: Sequence[Origin] | None = field(default=None, repr=False)
+    """(N,) where the calls differed in more than poses, each with its own; None: all have the same"""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**super().__getstate__(), "_origins": None}
 
     @cached_property
     def max_joint_change(self) -> np.ndarray:
@@ -92,7 +97,7 @@ class BatchSolution(Answer):
         on_a_limit = (self.q <= lower) | (self.q >= upper) | bool(self._problem.additional_limits)
         names: list[list[str]] = [[] for _ in range(len(self))]
         for i in np.flatnonzero(on_a_limit.any(axis=1) & (self.status != Status.INVALID_TARGET)):
-            names[i] = self._problem.active_limits(self.q[i])
+            names[i] = self._problem.active_limits(self.q[i]) if self._origins is None else self[int(i)].active_limits
         return names
 
     @cached_property
@@ -103,7 +108,13 @@ class BatchSolution(Answer):
         return [self[i].broken_limits for i in range(len(self))]
 
     @staticmethod
-    def blank(origin: Origin, backend: str, starts: np.ndarray | None, targets: Targets) -> BatchSolution:
+    def blank(
+        origin: Origin,
+        backend: str,
+        starts: np.ndarray | None,
+        targets: Targets,
+        origins: Sequence[Origin] | None = None,
+    ) -> BatchSolution:
         """Answers yet to be written to targets, from starts (N, n) or None: budget spent, at no q yet."""
         count = len(targets)
         return BatchSolution(
@@ -125,6 +136,7 @@ class BatchSolution(Answer):
             _starts=starts,
             _targets=targets.rows,
             _origin=origin,
+            _origins=origins,
         )
 
     def put(self, i: int, solution: Solution) -> None:
@@ -201,9 +213,18 @@ class BatchSolution(Answer):
         if not isinstance(i, int):
             arrays = {name: getattr(self, name)[i].copy() for name in VALUES if name != "backend"}
             starts, targets = None if self._starts is None else self._starts[i], self._targets[i]
-            return BatchSolution(**arrays, backend=self.backend, _starts=starts, _targets=targets, _origin=self._origin)
+            origins = None if self._origins is None else [self._origins[k] for k in np.arange(len(self))[i]]
+            return BatchSolution(
+                **arrays,
+                backend=self.backend,
+                _starts=starts,
+                _targets=targets,
+                _origin=self._origin,
+                _origins=origins,
+            )
         values = {name: getattr(self, name)[i] for name in VALUES if name not in ("q", "status", "backend")}
         start = None if self._starts is None else self._starts[i]
+        origin = self._origin if self._origins is None else self._origins[i]
         return Solution(
             q=self.q[i].copy(),
             status=Status(int(self.status[i])),
@@ -211,7 +232,7 @@ class BatchSolution(Answer):
             backend=self.backend,
             _start=start,
             _target=self._targets[i],
-            _origin=None if self._origin is None else self._origin.near(start),
+            _origin=None if origin is None else origin.near(start),
         )
 
     def __iter__(self) -> Iterator[Solution]:

@@ -37,6 +37,8 @@ class Proofs:
     """What can be proved for a task of the tip of a chain, as arrays for the kernels."""
 
     problem: Problem
+    key: str
+    """The key of the target"""
     chain: np.ndarray
     points: np.ndarray
     """(k, 4), see `kernels.certificates.branch_and_bound`"""
@@ -54,7 +56,9 @@ class Proofs:
         """For the first level's task of the tip; None where there is none of the kind, or the robot is no chain."""
         robot, options = problem.robot, problem.options
         for task in problem.tasks if robot.is_chain else ():
-            if not isinstance(task, FrameTask) or task.target is not None or task.frame != robot.tip:
+            if not isinstance(task, FrameTask) or task.target is not None or task.offset is not None:
+                continue
+            if task.frame != robot.tip:
                 continue
             placed, turned = task.kept[:3].all(), task.kept[3:].all()
             if placed or turned:
@@ -68,7 +72,7 @@ class Proofs:
                 points = np.column_stack([places, near])
                 arm = None if srs is None else srs_array(srs)
                 span = np.zeros(2) if srs is None else np.array(srs.span)
-                return Proofs(problem, robot.chain, points, pivots(robot), turn, arm, span)
+                return Proofs(problem, task.key, robot.chain, points, pivots(robot), turn, arm, span)
         return None
 
     def boxed(self, problem: Problem, chain: np.ndarray) -> Proofs:
@@ -87,7 +91,7 @@ class Proofs:
 
     def proof(self, poses: Poses) -> Proof | None:
         """Why the target of the tip cannot be reached, if that can be proved."""
-        n, target = self.problem.robot.n, poses[self.problem.robot.tip]
+        n, target = self.problem.robot.n, poses[self.key]
         srs = None if self.srs is None else SRS.of(self.problem.robot)
         if srs is not None:
             near, turn = self.problem.options.position_tolerance, self.problem.options.orientation_tolerance

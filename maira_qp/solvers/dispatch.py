@@ -7,7 +7,7 @@ reason in words; `tables` sums it up, for the README.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,6 +21,7 @@ from maira_qp.problem.box import SCOPE
 from maira_qp.problem.limits.joint import Tick
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.backends import Backend, available
+from maira_qp.problem.qp.costs import TaskCost
 from maira_qp.problem.targets import SEED_0, Poses, Targets, poses_of
 from maira_qp.results.batch import BatchSolution
 from maira_qp.results.path_solution import PathSolution, Rules
@@ -41,6 +42,11 @@ if TYPE_CHECKING:
     from maira_qp.solvers.compiled.step import CompiledTick
 
 COMPILED = "compiled"
+
+ASKED = "a QP backend was asked for"
+
+MOST_KEPT = 64
+"""Engines that are kept for problems with parts switched off."""
 
 SOLVES = (
     (
@@ -121,15 +127,12 @@ class Engines:
     """The engines of a problem. A result asks them later for what it did not hold: see `results.answer.Origin`."""
 
     problem: Problem
-    reference: ReferenceEngine
-    compiled: Compiled | None
-    """Solves the problem but for its additional limits, if it can"""
-    refusal: str
-    """Why it cannot solve it as it is; empty: it can"""
-    compiled_tick: CompiledTick | None
-    """Takes the problem's control ticks but for its additional limits, if it can"""
-    tick_refusal: str
-    """Why it cannot"""
+    backend: Backend
+    """Who solves the QPs of the reference engine"""
+    is_compiled_wanted: bool
+    """The compiled engine runs where it can"""
+    donor: Engines | None = None
+    """The engines of a problem that differs in numbers alone: what they are made of is used again"""
     change: np.ndarray | None = None
     """Of a batch with `max_joint_change` (n,) [rad or m]: each answer is from the engines of its own box"""
 
@@ -138,48 +141,64 @@ class Engines:
         """The engines of a problem, with who solves each QP, see `Solver`. Raises `BackendError`, `OptionError`."""
         if backend is not None and not isinstance(backend, (str, Backend)):
             raise BackendError(f"backend must be a name or mq.Backend(name, settings), got {shown(backend)}")
-        compiled = compiled_tick = None
-        refusal = tick_refusal = "a QP backend was asked for"
-        if backend is None or backend == COMPILED:
-            from maira_qp.solvers.compiled import engine, problem_arrays, step  # heavy: Numba comes with it
-
-            tick_refusal = step.unsupported(problem)
-            compiled_tick = None if tick_refusal else step.CompiledTick.build(problem)
-            refusal = problem_arrays.unsupported(problem)
-            compiled = None if refusal else engine.Compiled.build(problem)
-            if compiled is not None and problem.additional_limits:
-                refusal = "it has limits beside those of the joints"
-            if backend == COMPILED and refusal:
-                raise BackendError(f"the compiled engine cannot take this: {refusal}; {listed(available())}")
-        if not isinstance(backend, Backend):
-            backend = Backend("daqp" if backend is None or backend == COMPILED else backend)
-        context = Context(problem, backend)
-        context.check()
-        reference = ReferenceEngine(context, None if refusal else compiled, compiled if refusal else None)
-        return Engines(problem, reference, compiled, refusal, compiled_tick, tick_refusal)
+        is_compiled_wanted = backend is None or backend == COMPILED
+        solving = backend if isinstance(backend, Backend) else Backend("daqp" if is_compiled_wanted else str(backend))
+        engines = Engines(problem, solving, is_compiled_wanted)
+        if backend == COMPILED and engines.refusal:
+            raise BackendError(f"the compiled engine cannot take this: {engines.refusal}; {listed(available())}")
+        engines.reference.context.check()
+        engines.compiled_tick  # noqa: B018  (now, not in the first tick)
+        return engines
 
     def with_problem(self, problem: Problem) -> Engines:
-        """The same for a problem that differs in its redundancy or its restarts: for solves from a start."""
-        return self._with(problem, None if self.compiled is None else self.compiled.with_problem(problem))
+        """The engines of a problem of the same robot, such as that of a call, see `Problem.of_call`.
 
-    def _with(self, problem: Problem, compiled: Compiled | None) -> Engines:
-        """The same for another problem and the compiled engine of that."""
-        reference = replace(
-            self.reference,
-            context=replace(self.reference.context, problem=problem),
-            compiled=None if self.reference.compiled is None else compiled,
-            screening=None if self.reference.screening is None else compiled,
-        )
-        return replace(self, problem=problem, reference=reference, compiled=compiled, change=None)
+        They are made of these where it differs in numbers: in targets, postures, weights, restarts. Where parts of it
+        are switched off, or it has others, engines that are made for such problems are kept.
+        """
+        if problem.is_active == self.problem.is_active:
+            return Engines(problem, self.backend, self.is_compiled_wanted, self)
+        others = self._of_other_parts
+        if problem.is_active not in others:
+            if len(others) >= MOST_KEPT:
+                others.clear()
+            others[problem.is_active] = Engines(problem, self.backend, self.is_compiled_wanted, self)
+        return others[problem.is_active].with_problem(problem)
+
+    @cached_property
+    def _of_other_parts(self) -> dict[tuple[bool, ...], Engines]:
+        """Engines of problems with others of the parts switched off, by which of them count."""
+        return {}
+
+    def of_call(self, target: Any, weights: Any = None) -> tuple[Engines, Any]:
+        """The engines of a call, and what of its target they need: poses. See `Problem.of_call`."""
+        if weights is None and not (isinstance(target, Mapping) and target.keys() - self.problem.target_keys):
+            return self, target
+        problem, poses = self.problem.of_call(target, weights)
+        return self if problem is self.problem else self.with_problem(problem), poses
+
+    @cached_property
+    def of_solves(self) -> Engines:
+        """The engines of solves, which know nothing of tasks that ask for motion."""
+        problem = self.problem.of_solves
+        return self if problem is self.problem else self.with_problem(problem)
+
+    @cached_property
+    def _unsupported(self) -> str:
+        """Why the compiled engine cannot solve the problem, its additional limits aside; empty: it can."""
+        if not self.is_compiled_wanted:
+            return ASKED
+        from maira_qp.solvers.compiled.problem_arrays import unsupported  # heavy: Numba comes with it
+
+        return unsupported(self.problem)
 
     def within(self, start: np.ndarray, change: np.ndarray) -> Engines:
         """The same where no joint may be farther from a start (n,) than a change (n,). Raises `ConfigurationError`."""
-        problem = self.problem.within(start, change)
-        return self._with(problem, None if self.compiled is None else self.compiled.boxed(problem))
+        return Engines(self.problem.within(start, change), self.backend, self.is_compiled_wanted, self)
 
     def boxed_by(self, change: np.ndarray) -> Engines:
         """The same for a batch whose answers are within a change (n,) of their starts."""
-        return replace(self, change=change)
+        return Engines(self.problem, self.backend, self.is_compiled_wanted, self, change)
 
     def near(self, start: np.ndarray | None) -> Engines:
         """The engines that answered from a start (n,)."""
@@ -191,9 +210,57 @@ class Engines:
         return SCOPE if self.change is not None or self.problem.box is not None else ""
 
     @property
-    def backend(self) -> Backend:
-        """Who solves the QPs of the reference engine."""
-        return self.reference.context.backend
+    def refusal(self) -> str:
+        """Why the compiled engine cannot solve the problem as it is; empty: it can."""
+        limits = self.problem.additional_limits
+        return self._unsupported or ("it has limits beside those of the joints" if limits else "")
+
+    @cached_property
+    def compiled(self) -> Compiled | None:
+        """Solves the problem but for its additional limits, if it can."""
+        if self._unsupported:
+            return None
+        from maira_qp.solvers.compiled.engine import Compiled
+
+        given = None if self.donor is None else self.donor.compiled
+        return Compiled.build(self.problem) if given is None else given.of_problem(self.problem)
+
+    @cached_property
+    def reference(self) -> ReferenceEngine:
+        """Solves every problem, with the compiled engine where that helps."""
+        compiled = self.compiled
+        context = Context(self.problem, self.backend)
+        return ReferenceEngine(context, None if self.refusal else compiled, compiled if self.refusal else None)
+
+    @cached_property
+    def tick_refusal(self) -> str:
+        """Why the compiled engine cannot take control ticks of the problem, its additional limits aside."""
+        if not self.is_compiled_wanted:
+            return ASKED
+        if self._differs_in_numbers:
+            return self.donor.tick_refusal  # type: ignore[union-attr]
+        from maira_qp.solvers.compiled.step import unsupported  # heavy: Numba comes with it
+
+        return unsupported(self.problem)
+
+    @cached_property
+    def compiled_tick(self) -> CompiledTick | None:
+        """Takes the problem's control ticks but for its additional limits, if it can."""
+        if self.tick_refusal:
+            return None
+        if self._differs_in_numbers:
+            return self.donor.compiled_tick.with_problem(self.problem)  # type: ignore[union-attr]
+        from maira_qp.solvers.compiled.step import CompiledTick
+
+        return CompiledTick.build(self.problem)
+
+    @cached_property
+    def _differs_in_numbers(self) -> bool:
+        """The problem has the parts of the donor's, with other data."""
+        donor = self.donor
+        if donor is None or donor.problem.robot is not self.problem.robot:
+            return False
+        return self.problem.has_parts_of(donor.problem)
 
     @property
     def name(self) -> str:
@@ -357,7 +424,11 @@ class Engines:
     def compiled_step(self, q: Any, target: Any, dt: float, velocity: Any) -> Step | None:
         """A tick by the kernel; None if it does not take this, or limits beside those of the joints bind."""
         done = None if self.compiled_tick is None else self.compiled_tick.tick(target, q, dt, velocity)
-        if done is None or not keeps_further_limits(self.reference.context, q, done[0], dt, velocity):
+        if done is None:
+            return None
+        if self.problem.additional_limits and not keeps_further_limits(
+            self.reference.context, q, done[0], dt, velocity
+        ):
             return None
         ahead, speed, position, orientation, status = done
         return step_of(
@@ -374,10 +445,11 @@ class Engines:
         self, q: np.ndarray, targets: Targets, now: Tick, deadline: float | None, keep_direction: bool
     ) -> Step:
         """A tick by the reference engine."""
-        cost, secondary = self.problem.costs(targets.poses())
         at, context = self.problem.robot.at(q), self.reference.context
+        cost, secondary = self.problem.costs_of_tick(targets.poses(), at, now)
         ahead, speed, status = tick(cost, secondary, at, context, now, deadline, keep_direction)
-        position, orientation = residual(cost, self.problem.robot.at(ahead))
+        aimed = TaskCost(tuple(task for task in cost.tasks if not task.is_of_ticks))
+        position, orientation = residual(aimed, self.problem.robot.at(ahead))
         return Step(speed, ahead, position, orientation, status, self.backend.name, self)
 
     def brake(self, q: np.ndarray, now: Tick) -> tuple[np.ndarray, np.ndarray]:
@@ -418,8 +490,8 @@ class Engines:
         if k is None:
             return None
         if not path.success[k]:
-            return self._proof(poses_of(self.problem.frames, path._targets[k][None]))
+            return self._proof(poses_of(self.problem.target_keys, path._targets[k][None]))
         return proof_of(self.problem, path)
 
     def _poses(self, solution: Solution) -> Poses:
-        return poses_of(self.problem.frames, solution._target)
+        return poses_of(self.problem.target_keys, solution._target)

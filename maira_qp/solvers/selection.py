@@ -178,7 +178,7 @@ def _status(best: Solution, answers: Sequence[Solution]) -> Status:
 def _value(one: Solution) -> float:
     """What is to be least among answers of a rank."""
     problem = one._origin.problem  # type: ignore[union-attr]
-    cost, wish = problem.costs(poses_of(problem.frames, one._target))
+    cost, wish = problem.costs(poses_of(problem.target_keys, one._target))
     at = problem.robot.at(one.q)
     if one.status is Status.LIMITS_BROKEN:
         return sum(one.broken_limits.values())
@@ -212,6 +212,31 @@ def answer_each(
         if is_finite:
             start = None if starts is None else starts[i]
             batch.put(i, answer(engines, targets[i], start, seed, demands))
+        if progress is not None:
+            progress(i + 1, len(targets))
+    batch.refuse(~targets.is_finite)
+    return batch
+
+
+def answer_calls(
+    of_each: Sequence[Engines],
+    targets: Targets,
+    starts: np.ndarray | None,
+    seed: np.ndarray,
+    progress: Progress | None,
+    demands: Demands | None,
+) -> BatchSolution:
+    """The answers of N calls with engines of their own, from starts (N, n) or without."""
+    if demands is not None and demands.change is not None:
+        of_each = [engines.boxed_by(demands.change) for engines in of_each]
+    first = of_each[0]
+    batch = BatchSolution.blank(first, first.name, starts, targets, of_each)
+    batch.q[:] = first.problem.robot.middle
+    for i, is_finite in enumerate(targets.is_finite):
+        if is_finite:
+            start = None if starts is None else starts[i]
+            own = None if demands is None else replace(demands, kept={})
+            batch.put(i, answer(of_each[i], targets[i], start, seed, own))
         if progress is not None:
             progress(i + 1, len(targets))
     batch.refuse(~targets.is_finite)

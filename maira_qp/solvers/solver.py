@@ -33,8 +33,9 @@ from maira_qp.results.solution import Solution
 from maira_qp.results.step import Step
 from maira_qp.robots.model.joint_values import joint_array, joint_values
 from maira_qp.robots.model.robot import Robot
+from maira_qp.solvers.calls import first_of, of_calls, targets_of
 from maira_qp.solvers.dispatch import Choice, Engines
-from maira_qp.solvers.selection import Demands, answer, answer_each, best_of, starts_of
+from maira_qp.solvers.selection import Demands, answer, answer_calls, answer_each, best_of, starts_of
 from maira_qp.solvers.tools import MOST_TOOLS, key_of, names_for, on_frames
 
 if TYPE_CHECKING:
@@ -148,6 +149,11 @@ class Solver(Shown):
         """Who solves the QPs: "compiled", or the backend's name."""
         return self.engines.name
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What calls call tasks, objectives and limits by, see `solve`: names, frames, or words for their classes."""
+        return tuple(self.problem.places)
+
     def limited(self, **limits: Any) -> Solver:
         """The same solver for `robot.limited(**limits)`. Raises `OptionError`."""
         return Solver(self.robot.limited(**limits), **self._given)
@@ -176,10 +182,14 @@ class Solver(Shown):
             self._for_tools[key] = solver
         return solver
 
-    def _in_base(self, target: Any, q: np.ndarray | None, in_frame: str | None, base: Any) -> Any:
-        """A target, its frames as this solver calls them, relative to the base."""
+    def _of_call(self, engines: Engines, target: Any, weights: Any = None) -> tuple[Engines, Any]:
+        """The engines of a call, and the poses that they need, the tips as this solver calls them."""
         if self._renamed:
-            target = renamed(target, self._renamed)
+            target, weights = (renamed(each, self._renamed) for each in (target, weights))
+        return engines.of_call(target, weights)
+
+    def _in_base(self, target: Any, q: np.ndarray | None, in_frame: str | None, base: Any) -> Any:
+        """The poses of a target relative to the base."""
         return target if in_frame is None and base is None else in_base(target, self.robot, q, in_frame, base)
 
     def _card(self) -> Card:
@@ -214,12 +224,15 @@ class Solver(Shown):
         base: Any = None,
         accept: Callable[[np.ndarray], bool] | None = None,
         max_joint_change: Any = None,
+        weights: Mapping[str, float] | None = None,
     ) -> Solution:
         """Compute joint values that put the tool at the target.
 
         Args:
-            target: T_base_tool as `pin.SE3` or (4, 4) [m]; {frame: pose} where tasks of several frames need a target;
-                None where all tasks have their own.
+            target: T_base_tool as `pin.SE3` or (4, 4) [m]; None where all tasks have their own. Or a mapping, for
+                tasks of several frames, and for whatever is to be another than the solver was built with in this call:
+                `{"tool0": pose, "gaze": point, "posture": q, "swivel": angle}`. Its keys are the names of tasks,
+                objectives and limits, or their frames, or a word for their class, see `Solver.names`.
             q0: start (n,) [rad or m], or {joint name: value}, in which joints that are not named are at the posture of
                 the redundancy, or in the middle of their limits.
                 None: of 512 known configurations the one nearest to the target and to the posture of the redundancy;
@@ -256,26 +269,29 @@ class Solver(Shown):
             max_joint_change: hard limits about q0 for this call: no joint of the answer is farther from q0 than this, a
                 number, (n,), or {joint name: value} with others free [rad or m]. What is said of limits then holds
                 within that box, and `s.scope` says so: UNREACHABLE is no verdict on the arm itself.
+            weights: {name: factor} for the weights of tasks and objectives in this call, >= 0; 0 switches one off.
 
-        Raises `PoseError`, `ConfigurationError`, `OptionError` for invalid arguments; an outcome is a `Status`.
+        Raises `PoseError`, `FrameError`, `ConfigurationError`, `OptionError` for invalid arguments; an outcome is a
+        `Status`.
         """
         seed = SEED_0 if rng is None else checked_seed(rng)
         check_callable(observe, "observe", OptionError)
         solver = self._for(tool)
+        engines, target = solver._of_call(solver.engines.of_solves, target, weights)
+        problem = engines.problem
         wishes = {"prefer": prefer, "metric": metric, "accept": accept, "max_joint_change": max_joint_change}
         demands = Demands.checked(self.robot, q0, observe=observe, **wishes)
-        starts = None if is_native(q0, (self.robot.n,)) else starts_of(q0, solver.problem)
+        starts = None if is_native(q0, (self.robot.n,)) else starts_of(q0, problem)
         if starts is not None:
             placed = [solver._in_base(target, start, in_frame, base) for start in starts]
-            targets = map(solver.problem.target, placed)
-            each = zip(targets, starts, strict=True)
-            return best_of([answer(solver.engines, one, start, seed, demands, observe) for one, start in each])
+            each = zip(map(problem.target, placed), starts, strict=True)
+            return best_of([answer(engines, one, start, seed, demands, observe) for one, start in each])
         is_plain = in_frame is None and demands is None and is_native(q0, (self.robot.n,))
-        start = q0 if is_plain else solver.problem.start(q0)
+        start = q0 if is_plain else problem.start(q0)
         target = solver._in_base(target, start, in_frame, base)
         if demands is None:
-            return solver.engines.solve(target, start, seed, observe)
-        return answer(solver.engines, solver.problem.target(target), start, seed, demands, observe)
+            return engines.solve(target, start, seed, observe)
+        return answer(engines, problem.target(target), start, seed, demands, observe)
 
     def solve_batch(
         self,
@@ -292,6 +308,7 @@ class Solver(Shown):
         base: Any = None,
         accept: Callable[[np.ndarray], bool] | None = None,
         max_joint_change: Any = None,
+        weights: Mapping[str, float] | None = None,
     ) -> BatchSolution:
         """`solve` for each of N targets: `batch[i].q` is that of `solve(targets[i], q0, rng=seed)`.
 
@@ -301,15 +318,15 @@ class Solver(Shown):
         not solved, and costs no other anything: its status is INVALID_TARGET, its q and all numbers are NaN.
 
         Args:
-            targets: (N, 4, 4), or a sequence of `pin.SE3` and (4, 4) arrays; where tasks of several frames need one,
-                {frame: (N, 4, 4)} or N mappings {frame: pose}.
+            targets: (N, 4, 4), or a sequence of `pin.SE3` and (4, 4) arrays; or a mapping as for `solve`, whose values
+                have an axis N before their own, or are one for all; or N mappings.
             q0: a start (n,) for all, or (N, n) one each, or mappings as for `solve`, in which values may be (N,);
                 None: as for `solve`.
             seed: non-negative integer.
             threads: number of threads of the compiled engine; None: one per processor. No answer depends on it.
             progress: callback, called from this thread with the number of targets that are done and their total.
-            prefer, metric, tool, in_frame, accept, max_joint_change: as for `solve`; with `max_joint_change` targets
-                that share a start are solved together, and each start takes some milliseconds more.
+            prefer, metric, tool, in_frame, accept, max_joint_change, weights: as for `solve`; with `max_joint_change`
+                targets that share a start are solved together, and each start takes some milliseconds more.
             base: T_room_base as for `solve`, or (N, 4, 4) one for each target, or for one target.
 
         Raises `PoseError`, `ConfigurationError` or `OptionError`, naming the target, before anything is solved.
@@ -318,19 +335,22 @@ class Solver(Shown):
             raise OptionError(f"threads must be a positive whole number, got {shown(threads)}")
         check_callable(progress, "progress", OptionError)
         solver = self._for(tool)
-        q = None
+        if solver._renamed:
+            targets, weights = (renamed(each, solver._renamed) for each in (targets, weights))
+        of_each, poses, count = of_calls(solver.engines.of_solves, targets, weights)
+        problem, q = first_of(of_each).problem, None
         if in_frame is not None and q0 is not None:
-            count = len(solver.problem.targets(solver._in_base(targets, None, None, None)))
-            q = solver.problem.starts(q0, count)
-        targets = solver._in_base(targets, q, in_frame, base)
-        asked = solver.problem.targets(targets)
-        starts = solver.problem.starts(q0, len(asked))
+            q = problem.starts(q0, len(targets_of(problem, poses, count)))
+        asked = targets_of(problem, solver._in_base(poses, q, in_frame, base), count)
+        starts = problem.starts(q0, len(asked))
         words = checked_seed(seed)
         wishes = {"prefer": prefer, "metric": metric, "accept": accept, "max_joint_change": max_joint_change}
         demands = Demands.checked(self.robot, starts, **wishes)
+        if not isinstance(of_each, Engines):
+            return answer_calls(of_each, asked, starts, words, progress, demands)
         if demands is None:
-            return solver.engines.solve_batch(asked, starts, words, threads, progress)
-        return answer_each(solver.engines, asked, starts, words, threads, progress, demands)
+            return of_each.solve_batch(asked, starts, words, threads, progress)
+        return answer_each(of_each, asked, starts, words, threads, progress, demands)
 
     def solutions(
         self,
@@ -364,10 +384,11 @@ class Solver(Shown):
         from maira_qp.solvers.enumeration.all_solutions import all_solutions  # heavy: Numba comes with it
 
         solver = self._for(tool)
-        redundancy, engine = solver.redundancy, solver.engines.reference
+        engines, target = solver._of_call(solver.engines.of_solves, target)
+        redundancy, engine = engines.problem.redundancy, engines.reference
         objective = Posture() if redundancy is None else redundancy.objectives[0]
         seed = SEED_0 if rng is None else checked_seed(rng)
-        targets = solver.problem.target(solver._in_base(target, None, in_frame, base))
+        targets = engines.problem.target(solver._in_base(target, None, in_frame, base))
         return all_solutions(engine.context, engine.compiled, targets, objective.of(solver.robot), seed)
 
     def track(
@@ -392,7 +413,7 @@ class Solver(Shown):
         proved: where none was found, the result says how far the path is followed and what stands in the way.
 
         Args:
-            path: N poses as for `solve_batch`.
+            path: N poses as for `solve_batch`; in a mapping one value for all of them of what is no pose of the path.
             q0: configuration (n,) at the first pose, or near it [rad or m], or {joint name: value} as for `solve`;
                 None: any.
             dt: time from pose to pose [s]: no joint moves by more than its velocity limit times dt.
@@ -411,7 +432,8 @@ class Solver(Shown):
         Raises `PoseError`, `ConfigurationError`, `OptionError`.
         """
         solver, start = self._for(tool), self.problem.start(q0)
-        targets = solver.problem.targets(solver._in_base(path, start, in_frame, base), "path pose")
+        engines, path = solver._of_call(solver.engines.of_solves, path)
+        targets = engines.problem.targets(solver._in_base(path, start, in_frame, base), "path pose")
         if not targets.is_finite.all():
             raise PoseError(f"the path pose {int(np.flatnonzero(~targets.is_finite)[0])} holds NaN or inf")
         if not is_count(max_reconfigurations, 0):
@@ -420,11 +442,11 @@ class Solver(Shown):
             raise OptionError(f"loop must be True or False, got {shown(loop)}")
         checked_seed(seed)
         rules = Rules(solver._largest_step(dt, max_step), int(max_reconfigurations), dt, bool(loop), q0 is not None)
-        if reason := solver.engines.path_refusal:
+        if reason := engines.path_refusal:
             raise OptionError(f"a path is followed by the compiled engine, which cannot take this: {reason}")
         if loop and len(targets):
             solver._check_closed(targets)
-        return solver.engines.track(targets, start, int(seed), rules)
+        return engines.track(targets, start, int(seed), rules)
 
     def _check_closed(self, targets: Targets) -> None:
         """Check that a loop ends at the pose where it begins. Raises `PoseError`."""
@@ -467,6 +489,7 @@ class Solver(Shown):
         tool: Any = None,
         in_frame: str | None = None,
         base: Any = None,
+        weights: Mapping[str, float] | None = None,
     ) -> Step:
         """Compute one control step of dt [s] from q (n,) toward the target, within all limits.
 
@@ -483,10 +506,10 @@ class Solver(Shown):
                 all tasks by the same factor in [0, 1], which may be 0 at a limit of a joint; False: do what is nearest
                 to it by least squares, in whatever direction. Levels below move in the null space as ever. What a joint
                 must do to brake or to come back within limits goes before. By the reference engine.
-            tool, base: as for `solve`.
+            tool, base, weights: as for `solve`.
             in_frame: as for `solve`, the frame as it stands at q.
 
-        Raises `PoseError`, `ConfigurationError`, `OptionError`.
+        Raises `PoseError`, `FrameError`, `ConfigurationError`, `OptionError`.
         """
         if dt is _NOT_GIVEN:
             raise OptionError("a tick needs its length dt in seconds: step(q, target, dt)")
@@ -501,20 +524,21 @@ class Solver(Shown):
             q = self.robot.configuration(q)
         if isinstance(velocity, Mapping):
             velocity = joint_array(velocity, self.robot.joint_names, "velocity")
+        engines, target = solver._of_call(solver.engines, target, weights)
         target = solver._in_base(target, q, in_frame, base)
         by_reference = deadline is not None or keep_direction
-        step = None if by_reference else solver.engines.compiled_step(q, target, float(dt), velocity)
+        step = None if by_reference else engines.compiled_step(q, target, float(dt), velocity)
         if step is not None:
             return step
         joints = self.robot.joint_names
         if velocity is None and np.isfinite(self.robot.acceleration_limit).any():
             raise OptionError("limits on the acceleration need the velocity of now: step(..., velocity=last.velocity)")
         now = np.zeros(len(joints)) if velocity is None else joint_array(velocity, joints, "velocity")
-        targets, q = solver.problem.target(target), joint_array(q, joints, "q")
-        step = None if by_reference else solver.engines.compiled_step(q, targets.poses(), float(dt), now)
+        targets, q = engines.problem.target(target), joint_array(q, joints, "q")
+        step = None if by_reference else engines.compiled_step(q, targets.poses(), float(dt), now)
         if step is not None:  # all that was amiss was the kind of the arrays
             return step
-        return solver.engines.reference_step(q, targets, Tick(float(dt), now), deadline, bool(keep_direction))
+        return engines.reference_step(q, targets, Tick(float(dt), now), deadline, bool(keep_direction))
 
     def engine_for(
         self, verb: str = "solve", *, observe: bool = False, deadline: bool = False, keep_direction: bool = False
@@ -530,7 +554,8 @@ class Solver(Shown):
         """
         if not isinstance(verb, str) or verb not in VERBS:
             raise OptionError(f"no engine for {shown(verb)}; {listed(VERBS, verb)}")
-        return self.engines.choice(verb, observe=observe, deadline=deadline, keep_direction=keep_direction)
+        engines = self.engines if verb == "step" else self.engines.of_solves
+        return engines.choice(verb, observe=observe, deadline=deadline, keep_direction=keep_direction)
 
 
 def _frame_of(task: Task) -> str:

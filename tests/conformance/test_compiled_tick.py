@@ -145,7 +145,7 @@ def assert_ticks_agree(robot: mq.Robot, cases: dict, acceleration: float | None,
         compiled, general = (mq.Solver(robot, backend=backend, **arguments) for backend in (None, "daqp"))
         assert compiled.engines.compiled_tick is not None, label
         assert general.engines.compiled_tick is None, label
-        for q, targets, dt, v in random_ticks(robot, compiled.problem.frames, rng, 12):
+        for q, targets, dt, v in random_ticks(robot, compiled.problem.target_keys, rng, 12):
             velocity = None if acceleration is None else v
             a, b = (solver.step(q, targets, dt, velocity=velocity) for solver in (compiled, general))
             assert (a.backend, b.backend) == ("compiled", "daqp")
@@ -189,7 +189,7 @@ def test_limits_hold_to_the_bit_over_many_ticks(name, acceleration, rng):
         for k in range(200):
             if k % 50 == 0:
                 goal = robot.random_configuration(rng)
-                targets = {frame: robot.forward(goal, frame) for frame in solver.problem.frames}
+                targets = {frame: robot.forward(goal, frame) for frame in solver.problem.target_keys}
             t = solver.step(q, targets, dt, velocity=v)
             assert (np.abs(t.velocity) <= robot.velocity_limit).all(), label
             assert ((robot.lower <= t.q) & (t.q <= robot.upper)).all(), label
@@ -212,7 +212,7 @@ def test_lower_levels_leave_those_above_as_they_are(name, rng):
     moved = 0
     for k, (q, targets, dt, _) in enumerate(random_ticks(robot, robot.tips, rng, 200)):
         q = np.zeros(robot.n) if k % 9 == 0 else q
-        steps = [solver.step(q, {f: targets[f] for f in solver.problem.frames}, dt) for solver in solvers]
+        steps = [solver.step(q, {f: targets[f] for f in solver.problem.target_keys}, dt) for solver in solvers]
         for lower, J in (
             (steps[1:], robot.jacobian(q, first)),
             (steps[2:], robot.jacobian(q, (others or [first])[0])[:3]),
@@ -232,7 +232,7 @@ def test_ticks_are_finite_wherever_they_begin(name, rng):
         solver = mq.Solver(robot, **arguments)
         for scale in (0.0, 1.0, 1e2, 1e4, 1e7):
             q = scale * rng.normal(size=robot.n)
-            targets = {frame: robot.forward(robot.middle, frame) for frame in solver.problem.frames}
+            targets = {frame: robot.forward(robot.middle, frame) for frame in solver.problem.target_keys}
             for dt in (1e-9, 1e-3, 1e3):
                 t = solver.step(q, targets, dt, velocity=np.zeros(robot.n))
                 assert np.isfinite(t.q).all()
@@ -323,7 +323,7 @@ def test_its_answer_counts_where_further_limits_do_not_bind(panda, rng):
 def test_what_it_does_not_know_is_left_to_the_general_engine(arguments, panda):
     solver = mq.Solver(panda, **arguments)
     assert solver.engines.compiled_tick is None
-    target = panda.forward(panda.middle) if solver.problem.frames else None
+    target = panda.forward(panda.middle) if solver.problem.target_keys else None
     step = solver.step(panda.middle, target, 0.01)
     assert np.isfinite(step.q).all()
     assert step.backend == "daqp"

@@ -106,8 +106,8 @@ def search_for(
     search(
         problem.chain,
         problem.settings,
-        problem.library,
-        problem.features,
+        problem.seeds.configurations,
+        problem.seeds.features,
         problem.candidates,
         shuffled,
         rows,

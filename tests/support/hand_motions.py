@@ -65,7 +65,7 @@ class Watched:
 
     def check_errors(self, command: mq.Command) -> None:
         """The errors are those of the pose that the command leads to, by forward kinematics."""
-        frames = self.tracker.solver.problem.frames
+        frames = self.tracker.solver.problem.target_keys
         targets = command.target if len(frames) > 1 else {frames[0]: command.target}
         errors = [mq.pose_error(self.robot.forward(command.q, frame), T) for frame, T in targets.items()]
         position = max(np.linalg.norm(e[:3]) for e in errors)

@@ -46,6 +46,7 @@ def task_error(task, place, tools, target, q, e):
     elif kind == Kind.RELATIVE:
         seen_from(tools[1], tools[0], tools[2])
         pose_error(tools[2], target, e)
+        _drop_free_rows(task, e)
     elif kind == Kind.SWIVEL:
         e[3] = _missing_swivel(task, tools)
     elif kind == Kind.COUPLING:
@@ -60,6 +61,12 @@ def _frame_error(task, place, tool, target, e):
     if place[Place.AXES] == Axes.TARGET:
         e[0], e[1], e[2] = turned_back(target, (e[0], e[1], e[2]))
         e[3], e[4], e[5] = turned_back(target, (e[3], e[4], e[5]))
+    _drop_free_rows(task, e)
+
+
+@device_kernel
+def _drop_free_rows(task, e):
+    """The entries of an error (6,) that do not count become 0."""
     for k in range(6):
         if task[TaskRow.WEIGHTS + k] == 0.0:
             e[k] = 0.0
@@ -166,7 +173,7 @@ def task_levers(task, place, tools, target, e, levers):
     elif kind in (Kind.AXIS_ALONG, Kind.AXIS_AT):
         _direction_lever(task, kind, tools[0], target, levers[0])
     elif kind == Kind.RELATIVE:
-        _relative_levers(tools, levers)
+        _relative_levers(task, tools, target, e, levers)
     elif kind == Kind.SWIVEL:
         _swivel_levers(task, tools, levers)
 
@@ -235,8 +242,11 @@ def _direction_lever(task, kind, tool, target, lever):
 
 
 @device_kernel
-def _relative_levers(tools, levers):
-    """The frame's own twist, and minus that of the reference, which carries the frame along."""
+def _relative_levers(task, tools, target, e, levers):
+    """The frame's own twist, and minus that of the reference, which carries the frame along.
+
+    As seen from the reference; where the angular rows count differently, with the derivative of the logarithm.
+    """
     reference, off = tools[1], minus(origin(tools[0]), origin(tools[1]))
     for k in range(3):
         axis = reference[k], reference[3 + k], reference[6 + k]
@@ -245,6 +255,20 @@ def _relative_levers(tools, levers):
             levers[0, k, j], levers[0, 3 + k, 3 + j] = axis[j], axis[j]
             levers[1, k, j], levers[1, 3 + k, 3 + j] = -axis[j], -axis[j]
             levers[1, k, 3 + j] = carried[j]
+    if _turns_evenly(task):
+        return
+    seen_from(tools[1], tools[0], tools[2])
+    pose_error(tools[2], target, e)
+    inverse = levers[2, :3, :3]
+    inverse_right_jacobian((e[3], e[4], e[5]), inverse)
+    for f in range(2):
+        for j in range(3, 6):
+            x, y, z = levers[f, 3, j], levers[f, 4, j], levers[f, 5, j]
+            for k in range(3):
+                levers[f, 3 + k, j] = inverse[k, 0] * x + inverse[k, 1] * y + inverse[k, 2] * z
+    for k in range(3):
+        for j in range(3):
+            inverse[k, j] = 0.0
 
 
 @device_kernel

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
+import pinocchio as pin
 
 from maira_qp.arrays import real_array
 from maira_qp.errors import OptionError
+from maira_qp.problem.naming import NO_DATUM, word_for
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.robot import Robot
 
@@ -91,13 +93,37 @@ class Limit:
     """One kind of limit. A limit of one's own overrides what it needs of these."""
 
     name: str | None = None
-    """What messages, `broken_limits` and calls call it; None: its class."""
+    """What messages, `broken_limits` and calls call it; None: its class, of which calls take a word, "collision_limit".
+    """
     is_linear: ClassVar[bool] = False
     """Whether the rows hold for every displacement, so that one that keeps them keeps the limit; False: to first order
     only, as is safe for any limit."""
-
+    is_off: ClassVar[bool] = False
+    """A hard limit counts always."""
     knows_curvature: ClassVar[bool] = False
     """`curvature` is by a formula, and cheap enough for a control tick."""
+
+    @property
+    def key(self) -> str:
+        """What a call calls the limit by."""
+        return word_for(self) if self.name is None else self.name
+
+    def with_value(self, value: Any) -> Limit:
+        """The limit, bound to a robot, with another datum. Raises `OptionError`."""
+        raise OptionError(f"{self.key!r}, a {type(self).__name__}, {NO_DATUM}")
+
+    def scaled(self, factor: float) -> Limit:
+        """A hard limit has no weight. Raises `OptionError`."""
+        raise OptionError(f"{self.key!r} is a hard limit, which has no weight; mq.LimitTask(limit=...) has one")
+
+    @property
+    def target_key(self) -> str | None:
+        """The key of the target that the limit takes from the call; None: it needs none."""
+        return None
+
+    def toward(self, targets: Mapping[str, pin.SE3]) -> Limit:
+        """The same limit with its target out of these, which are not checked again."""
+        return self
 
     def of(self, robot: Robot) -> Limit:
         """The limit with everything that depends on the robot filled in and checked. Raises `OptionError`."""

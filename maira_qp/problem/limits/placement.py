@@ -61,6 +61,11 @@ class FrameLimit(Limit):
     def _kind(self) -> str:
         return type(self).__name__
 
+    @property
+    def key(self) -> str:
+        """What a call calls the limit by: its name, else its frame."""
+        return str(self.frame) if self.name is None else self.name
+
     def of(self, robot: Robot) -> FrameLimit:
         """With the frame's name. Raises `FrameError` for a frame that the robot does not have."""
         robot.frame_id(self.frame)
@@ -194,13 +199,13 @@ class TargetLimit(PlacementLimit):
         return self.target is None
 
     @property
-    def target_frame(self) -> str | None:
-        """The frame whose target the limit takes from the call; None: it needs none."""
-        return self.frame if self.needs_target else None
+    def target_key(self) -> str | None:
+        """The key of the target that the limit takes from the call; None: it needs none."""
+        return self.key if self.needs_target else None
 
     def toward(self, targets: Mapping[str, pin.SE3]) -> TargetLimit:
         """The same with the target of its frame, if it needs one."""
-        return self._with(target=targets[self.frame]) if self.needs_target else self  # type: ignore[index]
+        return self._with(target=targets[self.key]) if self.needs_target else self  # type: ignore[index]
 
 
 def braking_gain(robot: Robot, gain: float = math.inf) -> float:

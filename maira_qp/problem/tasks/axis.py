@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.arrays import real_array
+from maira_qp.arrays import is_listing, real_array
 from maira_qp.errors import OptionError
 from maira_qp.orientation import skew
 from maira_qp.problem.pose import unit_vector
@@ -44,9 +44,9 @@ class _DirectionTask(TargetTask):
         raise NotImplementedError
 
     @property
-    def target_frame(self) -> str | None:
-        """The frame, unless the task has an aim or a target of its own."""
-        return super().target_frame if self.aim is None else None
+    def target_key(self) -> str | None:
+        """The key, unless the task has an aim or a target of its own."""
+        return super().target_key if self.aim is None else None
 
     def toward(self, targets: Mapping[str, pin.SE3]) -> TargetTask:
         """With its target, unless it has an aim."""
@@ -59,13 +59,13 @@ class _DirectionTask(TargetTask):
 
     def error(self, at: Configuration) -> np.ndarray:
         """Rotation vector (3,) [rad] in base axes that takes the axis to the desired direction."""
-        placement = at.placement(self.frame)
+        placement = at.placement(self.frame, self.offset)
         return rotation_between(placement.rotation @ self.axis, self._direction(placement.translation)[0])
 
     def jacobian(self, at: Configuration) -> np.ndarray:
         """Jacobian (3, n) [rad/rad] of rank 2."""
-        d, distance = self._direction(at.placement(self.frame).translation)
-        J = at.jacobian(self.frame)
+        d, distance = self._direction(at.placement(self.frame, self.offset).translation)
+        J = at.jacobian(self.frame, self.offset)
         D = skew(d)
         turn = J[3:] if distance is None else J[3:] + D @ J[:3] / distance
         return -D @ D @ turn  # -D D takes out what is along d
@@ -94,6 +94,13 @@ class AxisTask(_DirectionTask):
         """The direction, if it is given."""
         return self.direction
 
+    def with_value(self, value: Any) -> TargetTask:
+        """The same task with another direction (3,), or with a target pose. Raises `OptionError`, `PoseError`."""
+        if is_pose_like(value):
+            task = super().with_value(value)
+            return self._aimed(target=task.target, direction=None)
+        return self._aimed(target=None, direction=unit_vector(value, f"direction of {self.key!r}"))
+
     def _direction(self, origin: np.ndarray) -> tuple[np.ndarray, None]:
         return (self.target.rotation @ self.axis if self.direction is None else self.direction), None
 
@@ -117,6 +124,13 @@ class LookAtTask(_DirectionTask):
         """The point, if it is given."""
         return self.point
 
+    def with_value(self, value: Any) -> TargetTask:
+        """The same task with another point (3,), or with a target pose. Raises `OptionError`, `PoseError`."""
+        if is_pose_like(value):
+            task = super().with_value(value)
+            return self._aimed(target=task.target, point=None)
+        return self._aimed(target=None, point=real_array(value, (3,), f"point of {self.key!r}", OptionError))
+
     def _direction(self, origin: np.ndarray) -> tuple[np.ndarray, float]:
         away = (self.target.translation if self.point is None else self.point) - origin
         distance = max(math.hypot(*away.tolist()), NEAR)
@@ -135,3 +149,8 @@ def rotation_between(a: np.ndarray, d: np.ndarray) -> np.ndarray:
         across = skew(a)[:, np.abs(a).argmin()]
         return math.pi * across / np.linalg.norm(across)
     return across * (math.atan2(sine, along) / sine) if sine > 0 else np.zeros(3)
+
+
+def is_pose_like(value: Any) -> bool:
+    """Whether a value is meant for a pose, and not for a vector (3,)."""
+    return isinstance(value, pin.SE3) or (is_listing(value) and np.ndim(value) > 1)

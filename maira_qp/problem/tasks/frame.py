@@ -22,6 +22,7 @@ import pinocchio as pin
 
 from maira_qp.errors import OptionError, shown
 from maira_qp.orientation import orientation_error, skew
+from maira_qp.problem.limits.placement import as_offset
 from maira_qp.problem.pose import as_pose
 from maira_qp.problem.tasks.task import Task, checked_weights
 from maira_qp.robots.model.configuration import Configuration
@@ -39,11 +40,15 @@ class TargetTask(Task):
     """The frame's name; None: the robot's tip."""
     target: Any = None
     """Its pose in the base: `pin.SE3` or (4, 4) array; None: the target that the solver is called with."""
+    offset: Any = None
+    """What the task is about: a point (3,) [m] in the frame, or a pose there, `pin.SE3` or (4, 4); None: the frame."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.target is not None:
             object.__setattr__(self, "target", as_pose(self.target))
+        if self.offset is not None:
+            object.__setattr__(self, "offset", as_offset(self.offset, "offset"))
 
     def of(self, robot: Robot) -> TargetTask:
         """With the frame's name. Raises `FrameError` for a frame that the robot does not have."""
@@ -51,17 +56,33 @@ class TargetTask(Task):
         return replace(self, frame=robot.tip if self.frame is None else self.frame)
 
     @property
-    def target_frame(self) -> str | None:
-        """The frame, unless the task has a target of its own."""
-        return self.frame if self.target is None else None
+    def key(self) -> str:
+        """What a call calls the task by: its name, else its frame."""
+        return str(self.frame) if self.name is None else self.name
+
+    @property
+    def target_key(self) -> str | None:
+        """The key, unless the task has a target of its own."""
+        return self.key if self.target is None else None
 
     def toward(self, targets: Mapping[str, pin.SE3]) -> TargetTask:
-        """The same task with the target of its frame, unless it has one of its own."""
-        if self.target is not None:
-            return self
-        bound = copy(self)
-        object.__setattr__(bound, "target", targets[self.frame])  # type: ignore[index]
-        return bound
+        """The same task with the target of its key, unless it has one of its own."""
+        return self if self.target is not None else self._aimed(target=targets[self.key])
+
+    def with_value(self, value: Any) -> TargetTask:
+        """The same task with another target, a pose. Raises `PoseError`."""
+        return self._aimed(target=as_pose(value, f"target of {self.key!r}"))
+
+    def actual(self, at: Configuration) -> pin.SE3:
+        """The pose that is to be the target."""
+        return at.placement(self.frame, self.offset)
+
+    def _aimed(self, **datum: Any) -> TargetTask:
+        """The same task with another datum, unchecked."""
+        task = copy(self)
+        for name, value in datum.items():
+            object.__setattr__(task, name, value)
+        return task
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,14 +148,14 @@ class FrameTask(TargetTask):
 
     def error(self, at: Configuration) -> np.ndarray:
         """Error (m,) [m, rad] of the frame against the target, the rows that count."""
-        e = frame_error(at.placement(self.frame), self.target)
+        e = frame_error(at.placement(self.frame, self.offset), self.target)
         if self.axes == "target":
             e = (e.reshape(2, 3) @ self.target.rotation).ravel()
         return e[self.kept]
 
     def jacobian(self, at: Configuration) -> np.ndarray:
         """Jacobian (m, n): the error falls by J dq. Even weights: the geometric Jacobian in base axes."""
-        return self._in_task_axes(at.jacobian(self.frame)) if self._turns_evenly else self._derivative(at)
+        return self._in_task_axes(at.jacobian(self.frame, self.offset)) if self._turns_evenly else self._derivative(at)
 
     def target_jacobian(self, at: Configuration) -> np.ndarray:
         """Derivative (m, 6) of the error by a twist of the target: linear [m], then angular [rad], in base axes.
@@ -152,7 +173,7 @@ class FrameTask(TargetTask):
     def curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
         """That of the frame's pose (n, n), as its Jacobian is; of the error where angular rows count differently."""
         if self._turns_evenly:
-            return at.kinematic_hessian_product(self.frame, self._in_base(self.weights * multipliers))
+            return at.kinematic_hessian_product(self.frame, self._in_base(self.weights * multipliers), self.offset)
         return self.error_curvature(at, multipliers)
 
     def residual_curvature(self, at: Configuration, residual: np.ndarray) -> np.ndarray:
@@ -160,9 +181,9 @@ class FrameTask(TargetTask):
         if not self._turns_evenly:
             return self.error_curvature(at, -residual)
         pull = self._in_base(self.weights * residual)
-        C, weight = at.kinematic_hessian_product(self.frame, -pull), float(self.all_weights[3])
+        C, weight = at.kinematic_hessian_product(self.frame, -pull, self.offset), float(self.all_weights[3])
         if weight > 0:
-            phi, J = pull[3:] / weight**2, at.jacobian(self.frame)[3:]
+            phi, J = pull[3:] / weight**2, at.jacobian(self.frame, self.offset)[3:]
             across = skew(phi) @ J
             C = C - _flattening(float(np.linalg.norm(phi))) * weight**2 * (across.T @ across)
         return C
@@ -171,15 +192,15 @@ class FrameTask(TargetTask):
         """`-sum_k multipliers_k d2(W e)_k/dq2` (n, n), of the logarithm too where the orientation is off."""
         pull = self._in_base(self.weights * multipliers)
         if not pull[3:].any():
-            return at.kinematic_hessian_product(self.frame, pull)
-        phi, J = self._error_in_base(at)[3:], at.jacobian(self.frame)[3:]
+            return at.kinematic_hessian_product(self.frame, pull, self.offset)
+        phi, J = self._error_in_base(at)[3:], at.jacobian(self.frame, self.offset)[3:]
         pull[3:], G = pull_of_logarithm(phi, pull[3:])
         bend = J.T @ G @ inverse_right_jacobian(phi) @ J
-        return at.kinematic_hessian_product(self.frame, pull) - 0.5 * (bend + bend.T)
+        return at.kinematic_hessian_product(self.frame, pull, self.offset) - 0.5 * (bend + bend.T)
 
     def target_curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
         """`-sum_k multipliers_k d2(W e)_k/dq dtarget` (n, 6): how the rows bend as the target moves."""
-        pull, J = self._in_base(self.weights * multipliers), at.jacobian(self.frame)
+        pull, J = self._in_base(self.weights * multipliers), at.jacobian(self.frame, self.offset)
         phi = self._error_in_base(at)[3:]
         _, G = pull_of_logarithm(phi, pull[3:])
         bend = np.zeros((at.n, 6))
@@ -200,13 +221,13 @@ class FrameTask(TargetTask):
 
     def _derivative(self, at: Configuration) -> np.ndarray:
         """`-de/dq` (m, n)."""
-        J = at.jacobian(self.frame).copy()
+        J = at.jacobian(self.frame, self.offset).copy()
         J[3:] = inverse_right_jacobian(self._error_in_base(at)[3:]) @ J[3:]
         return self._in_task_axes(J)
 
     def _error_in_base(self, at: Configuration) -> np.ndarray:
         """All six rows (6,)."""
-        return frame_error(at.placement(self.frame), self.target)
+        return frame_error(at.placement(self.frame, self.offset), self.target)
 
     def _in_task_axes(self, rows: np.ndarray) -> np.ndarray:
         """The rows that count (m, k) of six in base axes (6, k)."""

@@ -1,15 +1,17 @@
-"""Tasks of the joints themselves: coupled joints, and joints that are to stand still."""
+"""Tasks of the joints themselves: coupled joints, and joints that are to stand still or to move at a velocity."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from maira_qp.arrays import real_array, semidefinite_matrix
+from maira_qp.arrays import is_listing, real_array, semidefinite_matrix
 from maira_qp.errors import OptionError, listed, shown
+from maira_qp.problem.limits.joint import RESERVE, Tick
 from maira_qp.problem.tasks.task import Task, checked_weights
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.robot import Robot
@@ -53,6 +55,12 @@ class JointCouplingTask(Task):
                 raise OptionError(f"{shown(name)} is not a joint of {robot.name}; {listed(robot.joint_names, name)}")
             row[0, robot.joint_names.index(name)] = coefficient
         return replace(self, _row=row)
+
+    def with_value(self, value: Any) -> JointCouplingTask:
+        """The same task with another value [rad or m]. Raises `OptionError`."""
+        task = copy(self)
+        object.__setattr__(task, "value", float(real_array(value, (), f"value of {self.key!r}", OptionError)))
+        return task
 
     @property
     def row(self) -> np.ndarray:
@@ -106,3 +114,103 @@ class DampingTask(Task):
             return np.eye(at.n)
         values, V = np.linalg.eigh(self.metric)
         return (V * np.sqrt(np.maximum(values, 0.0))) @ V.T * self.weight
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointVelocityTask(Task):
+    """Joints are to move at a velocity: a control tick moves them by velocity dt as far as the levels above allow.
+
+    `solve` knows nothing of it. Where accelerations are limited, a tick aims as far ahead as a joint at that velocity
+    needs to stop.
+    """
+
+    velocity: Any
+    """(n,) [rad/s or m/s], or one for each of the `joints`; or by name, {joint: velocity}."""
+    joints: Sequence[str] | None = None
+    """The names of the joints; None: all, or those that the velocity names."""
+    weight: Any = 1.0
+    """What a displacement of 1 rad or m too little counts, one for all of the joints or one each; >= 0."""
+    _columns: Any = None
+    _acceleration: Any = None
+    _goal: Any = None
+
+    def of(self, robot: Robot) -> JointVelocityTask:
+        """With the joints' places and arrays (k,). Raises `OptionError`."""
+        names = self.joints
+        if names is None:
+            names = tuple(self.velocity) if isinstance(self.velocity, Mapping) else robot.joint_names
+        if not is_listing(names) or not names:
+            raise OptionError(f"joints of JointVelocityTask must be a list of names, got {shown(names)}")
+        for name in names:
+            if name not in robot.joint_names:
+                raise OptionError(f"{shown(name)} is not a joint of {robot.name}; {listed(robot.joint_names, name)}")
+        columns = np.array([robot.joint_names.index(name) for name in names])
+        weight = checked_weights(self.weight, "weight of JointVelocityTask", len(columns))
+        limits = robot.acceleration_limit[columns]
+        task = replace(self, joints=tuple(names), weight=weight, _columns=columns, _acceleration=limits)
+        return task.with_value(self.velocity)
+
+    def with_value(self, value: Any) -> JointVelocityTask:
+        """The same task with another velocity, (k,) or by name. Raises `OptionError`."""
+        names = tuple(self.joints or ())
+        if isinstance(value, Mapping):
+            if set(value) != set(names):
+                raise OptionError(f"the velocity of {self.key!r} must name each of {', '.join(names)}, and no others")
+            value = [value[name] for name in names]
+        velocity = real_array(value, (len(names),), f"velocity of {self.key!r}", OptionError)
+        return self._with(velocity=velocity)
+
+    def _with(self, **values: Any) -> JointVelocityTask:
+        task = copy(self)
+        for name, value in values.items():
+            object.__setattr__(task, name, value)
+        return task
+
+    @property
+    def columns(self) -> np.ndarray:
+        """Which of the robot's joints (k,) they are."""
+        return self._columns
+
+    def goal(self, q: np.ndarray, dt: float) -> np.ndarray:
+        """Where the joints (k,) are to go from q (n,) in a tick of dt [s], or further on, so that they could stop.
+
+        A tick goes the share of its way after which all joints can stop where it ends (`stopping_displacement`). Of
+        this way that is `velocity dt`, by the joint that takes longest to stop.
+        """
+        way = self.velocity * dt
+        ahead = np.max(np.abs(way) / (2.0 * RESERVE * self._acceleration * dt**2), initial=0.0)
+        return q[self._columns] + (1.0 + ahead) * way
+
+    @property
+    def is_of_ticks(self) -> bool:
+        """Yes."""
+        return True
+
+    def in_tick(self, at: Configuration, tick: Tick) -> JointVelocityTask:
+        """With the goal of a tick."""
+        return self._with(_goal=self.goal(at.q, tick.dt))
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Weights (k,)."""
+        return self.weight
+
+    def error(self, at: Configuration) -> np.ndarray:
+        """What is missing of the way (k,) [rad or m]; nothing where no tick goes."""
+        return np.zeros(len(self._columns)) if self._goal is None else self._goal - at.q[self._columns]
+
+    def jacobian(self, at: Configuration) -> np.ndarray:
+        """The rows of these joints in the identity (k, n)."""
+        return np.eye(at.n)[self._columns]
+
+    def residual(self, at: Configuration) -> tuple[float, float]:
+        """What is missing of the way of the joints that count [rad or m]."""
+        return 0.0, float(np.linalg.norm(self.error(at)[self.weight > 0]))
+
+    def curvature(self, at: Configuration, multipliers: np.ndarray) -> np.ndarray:
+        """Zero (n, n)."""
+        return np.zeros((at.n, at.n))
+
+    def residual_curvature(self, at: Configuration, residual: np.ndarray) -> np.ndarray:
+        """Zero (n, n)."""
+        return np.zeros((at.n, at.n))

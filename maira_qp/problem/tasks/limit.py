@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from maira_qp.errors import OptionError, shown
 from maira_qp.problem.limits.joint import FEASIBILITY, Limit, Tick
@@ -41,6 +45,31 @@ class LimitTask(Task):
     def of(self, robot: Robot) -> LimitTask:
         """With the limit made for the robot."""
         return replace(self, limit=self.limit.of(robot))
+
+    @property
+    def key(self) -> str:
+        """What a call calls it by: its name, else that of its limit."""
+        return self.limit.key if self.name is None else self.name
+
+    @property
+    def target_key(self) -> str | None:
+        """The key of the target that the limit takes from the call, if it needs one."""
+        return None if self.limit.target_key is None else self.key
+
+    def toward(self, targets: Mapping[str, pin.SE3]) -> LimitTask:
+        """The same with the limit's target."""
+        if self.limit.target_key is None:
+            return self
+        return self._limited(self.limit.toward({self.limit.key: targets[self.key]}))
+
+    def with_value(self, value: Any) -> LimitTask:
+        """The same with another datum of its limit. Raises what that raises."""
+        return self._limited(self.limit.with_value(value))
+
+    def _limited(self, limit: Limit) -> LimitTask:
+        task = copy(self)
+        object.__setattr__(task, "limit", limit)
+        return task
 
     @property
     def weights(self) -> float:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 from maira_qp.errors import OptionError
+from maira_qp.problem.naming import check_name
 from maira_qp.problem.objectives import Objective, check_objective
 from maira_qp.problem.tasks.task import check_place, checked_weights
 from maira_qp.robots.model.robot import Robot
@@ -19,15 +21,18 @@ class ObjectiveTask:
 
     objective: Objective
     weight: float = 1.0
-    """What the objective counts against the tasks of its priority; > 0."""
+    """What the objective counts against the tasks of its priority; >= 0, 0: nothing."""
     priority: int = 2
     """Its level; >= 2."""
     gain: float = 1.0
     """Share of Newton's step that a control tick takes, in (0, 1]."""
+    name: str | None = field(default=None, kw_only=True)
+    """What calls call it by; None: the name of the objective, or a word for its class, such as "posture"."""
 
     def __post_init__(self) -> None:
         """Raises `OptionError`."""
         check_objective(self.objective)
+        check_name(self.name, self)
         checked_weights(self.weight, "weight", 1)
         check_place(self.priority, self.gain)
         if self.priority < 2:
@@ -38,3 +43,21 @@ class ObjectiveTask:
     def of(self, robot: Robot) -> ObjectiveTask:
         """The same with its objective made for this robot."""
         return replace(self, objective=self.objective.of(robot))
+
+    @property
+    def key(self) -> str:
+        """What a call calls it by."""
+        return self.objective.key if self.name is None else self.name
+
+    @property
+    def is_off(self) -> bool:
+        """Its weight is 0."""
+        return self.weight == 0
+
+    def with_value(self, value: Any) -> ObjectiveTask:
+        """The same with another datum of its objective. Raises what that raises."""
+        return replace(self, objective=self.objective.with_value(value))
+
+    def scaled(self, factor: float) -> ObjectiveTask:
+        """The same with its weight times a factor > 0."""
+        return replace(self, weight=self.weight * factor)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import pinocchio as pin
 
 from maira_qp.errors import FrameError, OptionError
 from maira_qp.orientation import skew
-from maira_qp.problem.tasks.frame import METRE, TargetTask, frame_error
+from maira_qp.problem.tasks.frame import METRE, TargetTask, frame_error, inverse_right_jacobian
 from maira_qp.problem.tasks.task import checked_weights
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.robot import Robot
@@ -19,23 +20,24 @@ from maira_qp.robots.model.robot import Robot
 
 @dataclass(frozen=True, kw_only=True)
 class RelativePoseTask(TargetTask):
-    """The pose of `frame` in `reference` is to be the target, which is a pose in `reference` (six rows).
+    """The pose of `frame` in `reference` is to be the target, a pose there: six rows, fewer where some are free.
 
     With T = T_reference^-1 T_frame the error is `[p_d - p; 2 log(quat(R_d R^T))]` in the axes of the reference.
     """
 
     reference: str = ""
     """The frame that the pose is relative to; it may move as well."""
-    position_weight: float | None = None
-    """What an error of 1 m counts [rad/m]; > 0; None: 4 rad for the arm's length."""
-    orientation_weight: float = 1.0
-    """What an error of 1 rad counts; > 0."""
+    position_weight: Any = None
+    """What an error of 1 m counts [rad/m], >= 0, or (3,) one an axis of the reference, 0: free; None: 4 rad for the
+    arm's length."""
+    orientation_weight: Any = 1.0
+    """What an error of 1 rad counts, >= 0, or (3,) one an axis of the reference, 0: free."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("position_weight", "orientation_weight"):
             if (value := getattr(self, name)) is not None:
-                checked_weights(value, name, 1)
+                checked_weights(value, name, 3)
 
     def of(self, robot: Robot) -> RelativePoseTask:
         """With the frames' names and weights. Raises `FrameError`."""
@@ -47,32 +49,48 @@ class RelativePoseTask(TargetTask):
         weight = METRE / robot.length if task.position_weight is None else task.position_weight
         return replace(task, position_weight=weight)
 
-    @property
-    def weights(self) -> np.ndarray:
-        """Weights (6,)."""
+    @cached_property
+    def all_weights(self) -> np.ndarray:
+        """Weights (6,), 0 for what is left free."""
         if self.position_weight is None:
             raise OptionError("the task has no position weight yet: task.of(robot) gives it one")
-        return np.repeat([float(self.position_weight), float(self.orientation_weight)], 3)
+        both = self.position_weight, self.orientation_weight
+        return np.concatenate([np.broadcast_to(np.asarray(weight, dtype=float), 3) for weight in both])
+
+    @cached_property
+    def kept(self) -> np.ndarray:
+        """Which of the six rows (6,) count at all."""
+        return self.all_weights > 0
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Weights (m,) of the rows that count."""
+        return self.all_weights[self.kept]
 
     def error(self, at: Configuration) -> np.ndarray:
-        """Error (6,) [m, rad] in the axes of the reference."""
-        return frame_error(self._actual(at), self.target)
+        """Error (m,) [m, rad] in the axes of the reference, the rows that count."""
+        return frame_error(self.actual(at), self.target)[self.kept]
 
     def jacobian(self, at: Configuration) -> np.ndarray:
-        """Jacobian (6, n): how the frame moves as seen from the reference."""
-        frame, reference = at.placement(self.frame), at.placement(self.reference)
-        J, moving = at.jacobian(self.frame), at.jacobian(self.reference)
-        across = skew(frame.translation - reference.translation)
+        """Jacobian (m, n): how the frame moves as seen from the reference; of uneven turns how the error falls."""
+        frame, reference = at.placement(self.frame, self.offset), at.placement(self.reference)
+        J, moving = at.jacobian(self.frame, self.offset), at.jacobian(self.reference)
         difference = J - moving
-        difference[:3] += across @ moving[3:]
-        return (reference.rotation.T @ difference.reshape(2, 3, -1)).reshape(6, -1)
+        difference[:3] += skew(frame.translation - reference.translation) @ moving[3:]
+        rows = (reference.rotation.T @ difference.reshape(2, 3, -1)).reshape(6, -1)
+        if (self.all_weights[3:] != self.all_weights[3]).any():
+            phi = frame_error(reference.actInv(frame), self.target)[3:]
+            rows[3:] = inverse_right_jacobian(phi) @ rows[3:]
+        return rows[self.kept]
 
-    def _actual(self, at: Configuration) -> pin.SE3:
-        return at.placement(self.reference).actInv(at.placement(self.frame))
+    def actual(self, at: Configuration) -> pin.SE3:
+        """The pose of the frame, or of its offset, in the reference."""
+        return at.placement(self.reference).actInv(at.placement(self.frame, self.offset))
 
     def residual(self, at: Configuration) -> tuple[float, float]:
-        """Norms of the position error [m] and the orientation error [rad]."""
-        e = self.error(at)
+        """Norms of the position error [m] and the orientation error [rad]; 0 for what the task leaves free."""
+        e = np.zeros(6)
+        e[self.kept] = self.error(at)
         return math.hypot(*e[:3]), math.hypot(*e[3:])
 
     def toward(self, targets: Any) -> RelativePoseTask:

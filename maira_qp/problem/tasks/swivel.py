@@ -9,7 +9,9 @@ call it the swivel angle.
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -54,6 +56,12 @@ class SwivelTask(Task):
         for frame in (self.shoulder, self.elbow, self.wrist):
             robot.frame_id(frame)
         return self
+
+    def with_value(self, value: Any) -> SwivelTask:
+        """The same task with another angle [rad]. Raises `OptionError`."""
+        task = copy(self)
+        object.__setattr__(task, "angle", float(real_array(value, (), f"angle of {self.key!r}", OptionError)))
+        return task
 
     @property
     def weights(self) -> float:

@@ -23,7 +23,12 @@ class HeightTask(mq.Task):
 
 The error falls by `jacobian @ dq`: the Jacobian is minus the error's derivative, or, where that is easier to write, any
 matrix J with the same `J^T W^2 e`, so that the gradient of the cost is exact. The rest has defaults: unit weights,
-Gauss-Newton's Hessian, nothing to be made for a robot, no target, and the error's norm as what is reported.
+Gauss-Newton's Hessian, nothing to be made for a robot, no target, and the error's norm as what is reported. With
+
+        def with_value(self, value):
+            return replace(self, height=float(value))
+
+a call may give another height, `solver.step(q, {"tool0": pose, "height": 0.4}, dt)`.
 """
 
 from __future__ import annotations
@@ -31,7 +36,10 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -39,11 +47,15 @@ import pinocchio as pin
 from maira_qp.arrays import is_count, is_number, real_array
 from maira_qp.errors import OptionError, shown
 from maira_qp.problem.limits.joint import Tick
+from maira_qp.problem.naming import NO_DATUM, check_name, word_for
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.robot import Robot
 
 NUDGE = 1e-5
 """Of the joints, where a Jacobian is differentiated by differences [rad or m]"""
+
+WEIGHTS = ("weight", "position_weight", "orientation_weight")
+"""Fields of tasks that hold weights."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,9 +70,12 @@ class Task(ABC):
     """Levenberg-Marquardt damping of a control tick, `1/2 damping |W e|^2 |dq|^2`, beside `Options.damping`; >= 0."""
     equality: bool = False
     """A control tick meets it before the other tasks of its priority, in place of weighing it against them."""
+    name: str | None = None
+    """What calls call it by; None: its frame, or a word for its class, such as "swivel"."""
 
     def __post_init__(self) -> None:
         """Raises `OptionError`."""
+        check_name(self.name, self)
         check_place(self.priority, self.gain)
         if not (is_number(self.damping) and 0 <= self.damping < math.inf):
             raise OptionError(f"damping must be a number >= 0, got {shown(self.damping)}")
@@ -72,12 +87,48 @@ class Task(ABC):
         return self
 
     @property
-    def target_frame(self) -> str | None:
-        """The frame whose target the task takes from the call; None: it needs none."""
+    def key(self) -> str:
+        """What a call calls the task by: its name, else its frame or a word for its class."""
+        return word_for(self) if self.name is None else self.name
+
+    @property
+    def target_key(self) -> str | None:
+        """The key of the target that the task takes from the call; None: it needs none."""
         return None
+
+    def with_value(self, value: Any) -> Task:
+        """The task, bound to a robot, with another datum: its target, point, angle ... Raises `OptionError`."""
+        raise OptionError(f"{self.key!r}, a {type(self).__name__}, {NO_DATUM}")
+
+    def scaled(self, factor: float) -> Task:
+        """The task, bound to a robot, with its weights times a factor > 0. Raises `OptionError` if it has none."""
+        own = {name: getattr(self, name) for name in WEIGHTS if getattr(self, name, None) is not None}
+        if not own:
+            raise OptionError(f"{self.key!r}, a {type(self).__name__}, has no field `weight` to be multiplied")
+        task = copy(self)
+        for name in _cached_properties(type(self)):
+            task.__dict__.pop(name, None)
+        for name, value in own.items():
+            object.__setattr__(task, name, value * factor if is_number(value) else np.asarray(value) * factor)
+        return task
+
+    @cached_property
+    def is_off(self) -> bool:
+        """All its weights are 0: it has no rows, and no say."""
+        own = [getattr(self, name) for name in WEIGHTS if hasattr(self, name)]
+        return not any(np.any(weight) for weight in own or [self.weights])
 
     def toward(self, targets: Mapping[str, pin.SE3]) -> Task:
         """The same task with its target out of these, which are not checked again."""
+        return self
+
+    @property
+    def is_of_ticks(self) -> bool:
+        """It asks for motion, in control ticks; `solve` knows nothing of it."""
+        return False
+
+    def in_tick(self, at: Configuration, tick: Tick) -> Task:
+        """The task in a control tick that begins at a configuration."""
         return self
 
     @property
@@ -158,14 +209,20 @@ def check_place(priority: object, gain: object) -> None:
         raise OptionError(f"gain must be in (0, 1], got {shown(gain)}")
 
 
+@cache
+def _cached_properties(kind: type) -> tuple[str, ...]:
+    """The names of what instances of a class compute once."""
+    return tuple(name for each in kind.__mro__ for name, value in vars(each).items() if type(value) is cached_property)
+
+
 def checked_weights(value: object, name: str, size: int) -> np.ndarray:
-    """Weights (size,) from one number for all or one each, >= 0 and not all 0. Raises `OptionError`."""
+    """Weights (size,) from one number for all or one each, >= 0; all 0: switched off. Raises `OptionError`."""
     try:
         shape = () if np.ndim(value) == 0 else (size,)  # type: ignore[arg-type]
         weights = np.array(np.broadcast_to(real_array(value, shape, name, OptionError), (size,)))
     except Exception:  # ragged lists, and whatever a class of the caller's own raises
-        weights = np.zeros(size)
-    if (weights < 0).any() or not weights.any():
-        told = f"must be a positive number, or {size} of them of which some may be 0"
+        weights = np.full(size, -1.0)
+    if (weights < 0).any():
+        told = "must be a number >= 0" + (f", or {size} of them" if size > 1 else "")
         raise OptionError(f"{name} {told}, got {shown(value)}")
     return weights

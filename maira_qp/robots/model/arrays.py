@@ -65,11 +65,15 @@ class KinematicTree:
         """Number of joints."""
         return len(self.parents)
 
-    def frame(self, name: str | None) -> tuple[int, np.ndarray]:
-        """The joint that carries a frame (None: the tip), or `BASE`, and its placement (12,) behind it."""
+    def frame(self, name: str | None, offset: pin.SE3 | None = None) -> tuple[int, np.ndarray]:
+        """The joint that carries a frame (None: the tip), or `BASE`, and its placement (12,) behind it.
+
+        Or that of an `offset` in the frame.
+        """
         frame = self.kinematics.model.frames[self.kinematics.frame_id(name)]
         joint = frame.parentJoint - 1
-        return joint, _placed(self.turns, joint, frame.placement, np.eye(3))
+        placement = frame.placement if offset is None else frame.placement * offset
+        return joint, _placed(self.turns, joint, placement, np.eye(3))
 
     def chain(self) -> np.ndarray:
         """The chain (n + 1, 17) of `kernels.kinematics.serial_chain`, of a tree in which every joint moves the tip."""

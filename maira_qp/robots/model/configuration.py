@@ -54,8 +54,8 @@ class Configuration:
         """The displacement (n,) [rad, or m] that leads here from q0 (n,)."""
         return self._kinematics.difference(q0, self.q)
 
-    def placement(self, frame: str | None = None) -> pin.SE3:
-        """Pose of a frame (None: the tip) in the base, a fresh copy. Raises `FrameError`."""
+    def placement(self, frame: str | None = None, offset: pin.SE3 | None = None) -> pin.SE3:
+        """Pose of a frame (None: the tip), or of an `offset` in it, in the base, a fresh copy. Raises `FrameError`."""
         index = self._kinematics.frame_id(frame)
         placement = self._placements.get(index)
         if placement is None:
@@ -65,10 +65,13 @@ class Configuration:
                 pin.forwardKinematics(model, scratch.data, self.q)
                 scratch.q = self.q
             placement = self._placements[index] = pin.updateFramePlacement(model, scratch.data, index)
-        return placement.copy()
+        return placement.copy() if offset is None else placement * offset
 
-    def jacobian(self, frame: str | None = None) -> np.ndarray:
-        """Jacobian (6, n) of a frame (None: the tip), linear rows first, base axes; read-only. Raises `FrameError`."""
+    def jacobian(self, frame: str | None = None, offset: pin.SE3 | None = None) -> np.ndarray:
+        """Jacobian (6, n) of a frame (None: the tip), or of an `offset` in it; read-only. Raises `FrameError`.
+
+        Linear rows first, base axes.
+        """
         index = self._kinematics.frame_id(frame)
         J = self._jacobians.get(index)
         if J is None:
@@ -78,7 +81,12 @@ class Configuration:
                 J = J.reshape(6, 1)
             J.setflags(write=False)
             self._jacobians[index] = J
-        return J
+        if offset is None:
+            return J
+        moved, arm = J.copy(), self.placement(frame).rotation @ offset.translation
+        moved[:3] -= (arm @ _CROSS).reshape(3, 3) @ J[3:]
+        moved.setflags(write=False)
+        return moved
 
     def jacobian_derivative(self, frame: str | None = None) -> np.ndarray:
         """Derivative (n, 6, n) of a frame's Jacobian (None: the tip): entry [i] is dJ/dq_i, base axes.
@@ -99,22 +107,30 @@ class Configuration:
         derivative[:, 3:] = np.where(before, crosses[1], 0.0)
         return derivative
 
-    def _derivative_by_differences(self, frame: str | None, step: float = 1e-5) -> np.ndarray:
+    def _derivative_by_differences(
+        self, frame: str | None, step: float = 1e-5, offset: pin.SE3 | None = None
+    ) -> np.ndarray:
         """The same where mimic joints couple columns, and their order says nothing; error about 1e-10."""
         pairs = [(self.moved(dq), self.moved(-dq)) for dq in step * np.eye(self.n)]
-        return np.array([ahead.jacobian(frame) - back.jacobian(frame) for ahead, back in pairs]) / (2 * step)
+        return np.array([ahead.jacobian(frame, offset) - back.jacobian(frame, offset) for ahead, back in pairs]) / (
+            2 * step
+        )
 
-    def kinematic_hessian_product(self, frame: str | None, weights: np.ndarray) -> np.ndarray:
+    def kinematic_hessian_product(
+        self, frame: str | None, weights: np.ndarray, offset: pin.SE3 | None = None
+    ) -> np.ndarray:
         """Second derivative (n, n), symmetric, of the pose of a frame (None: the tip), weighted by `weights` (6,).
+
+        Or of an `offset` in the frame.
 
         `sum_k weights[k] d2 pose_k / dq2` with pose = [p; phi], phi the rotation vector of R(q + dq) R(q)^T at dq = 0
         in base axes. It is the symmetric part of the weighted `jacobian_derivative`: for i before j
         `w_p . (w_i x v_j) + 1/2 w_phi . (w_i x w_j)`, with the weights w_p and w_phi. Raises `FrameError`.
         """
         if self._kinematics.has_mimic:
-            C = np.tensordot(weights, self._derivative_by_differences(frame), (0, 1))
+            C = np.tensordot(weights, self._derivative_by_differences(frame, offset=offset), (0, 1))
             return 0.5 * (C + C.T)
-        J = self.jacobian(frame)
+        J = self.jacobian(frame, offset)
         across = ((weights * _HALF_TURNS).reshape(2, 3) @ _CROSS).reshape(6, 3).T
         C = J[3:].T @ (across @ J)  # w_i . (v_j x w_p + 1/2 w_j x w_phi)
         return np.where(_before(self.n), C, C.T)

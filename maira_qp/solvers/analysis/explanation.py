@@ -214,6 +214,6 @@ class _Question:
         task, robot = self.problem.tasks[0], self.context.robot
         if len(self.problem.tasks) > 1 or not isinstance(task, FrameTask):
             return np.zeros(6)
-        here = robot.forward(self.q, task.frame)
-        way = frame_error(here, robot.forward(q, task.frame)).reshape(2, 3) @ here.rotation
+        here = task.actual(robot.at(self.q))
+        way = frame_error(here, task.actual(robot.at(q))).reshape(2, 3) @ here.rotation
         return (way * [[task.kept[:3].any()], [task.kept[3:].any()]]).ravel()

@@ -51,7 +51,7 @@ def dq_dtarget(poses: Poses, at: Configuration, context: Context, reached: bool)
     problem = context.problem
     cost, wish = problem.costs(poses)
     _check(problem, wish, at, context)
-    answer = _Answer(cost, tuple(task.target_frame is not None for task in problem.tasks), at, context)
+    answer = _Answer(cost, tuple(task.target_key is not None for task in problem.tasks), at, context)
     if trades_off(wish) and (reached or _is_trade_off(cost, wish, at, context)):
         return answer.of_trade_off(wish)
     if not reached:
@@ -67,9 +67,9 @@ def _is_trade_off(cost: TaskCost, wish: Weighted, at: Configuration, context: Co
 
 def _check(problem: Problem, wish: Weighted | Strict | None, at: Configuration, context: Context) -> None:
     """Raises `SensitivityError` for problems whose derivative is not known."""
-    if len(problem.frames) != 1:
+    if len(problem.target_keys) != 1:
         raise SensitivityError(
-            f"the derivative is by one target from the call, and the tasks take {len(problem.frames)}"
+            f"the derivative is by one target from the call, and the tasks take {len(problem.target_keys)}"
         )
     if not all(isinstance(task, FrameTask) for task in problem.tasks):
         raise SensitivityError("the derivative is known for PoseTask, PositionTask and OrientationTask alone")

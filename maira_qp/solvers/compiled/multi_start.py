@@ -27,8 +27,8 @@ def attempts(arrays: ProblemArrays, batch: Batch, first: int, last: int, q: np.n
     return search(
         arrays.chain,
         arrays.settings,
-        arrays.library,
-        arrays.features,
+        arrays.seeds.configurations,
+        arrays.seeds.features,
         arrays.candidates,
         batch.shuffled,
         batch.rows,

@@ -23,7 +23,7 @@ from maira_qp.robots.model.revolutions import WITHIN, WholeTurns
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers import neighbourhood
 from maira_qp.solvers.certificates import Proofs
-from maira_qp.solvers.compiled.seed_library import library_features, starting_library
+from maira_qp.solvers.compiled.seed_library import SeedLibrary
 from maira_qp.solvers.reference import levenberg_marquardt as descent
 from maira_qp.solvers.reference import null_space_sqp as settling
 
@@ -50,13 +50,15 @@ class PostureArrays(NamedTuple):
 
 def unsupported(problem: Problem) -> str:
     """Why the compiled engine cannot solve a problem, its additional limits aside; empty: it can."""
+    if len(problem.tasks) != 1:
+        return "it has more than one task" if problem.tasks else "its first level is switched off"
     robot, task = problem.robot, problem.tasks[0]
-    if len(problem.tasks) > 1:
-        return "it has more than one task"
     if not isinstance(task, FrameTask) or task.target is not None:
         return "its task is none of PoseTask(), PositionTask() and OrientationTask() with a target from the call"
     if not task.is_even:
         return "the axes of its task count differently"
+    if task.offset is not None:
+        return "its task is about an offset in its frame"
     if task.frame != robot.tip:
         return "its task is not the tip's"
     return "" if robot.is_chain else "the robot is no single chain of independent joints"
@@ -71,10 +73,8 @@ class ProblemArrays:
     """(n + 1, 17)"""
     settings: np.ndarray
     """(16,) see `kernels.layout.Setting`"""
-    library: np.ndarray
-    """(K, n)"""
-    features: np.ndarray
-    """(K / LANES, Feature.WIDTH, LANES)"""
+    seeds: SeedLibrary
+    """Configurations to start from"""
     candidates: int
     """Random configurations of which a start is the best"""
     last_attempt: int
@@ -89,12 +89,11 @@ class ProblemArrays:
     @classmethod
     def build(cls, problem: Problem) -> Self:
         """The arrays of a problem that is not `unsupported`."""
-        robot, task, options = problem.robot, problem.tasks[0], problem.options
-        assert isinstance(task, FrameTask)
-        weights = task.all_weights
+        robot, options = problem.robot, problem.options
+        position_weight, orientation_weight = _weights(problem)
         settings = Setting.row(
-            POSITION_WEIGHT=weights[0],
-            ORIENTATION_WEIGHT=weights[5],
+            POSITION_WEIGHT=position_weight,
+            ORIENTATION_WEIGHT=orientation_weight,
             POSITION_TOLERANCE=options.position_tolerance,
             ORIENTATION_TOLERANCE=options.orientation_tolerance,
             MAX_ITERATIONS=options.max_iterations,
@@ -119,17 +118,14 @@ class ProblemArrays:
             RESTORED=settling.RESTORED,
             RESOLUTION=settling.RESOLUTION,
         )
-        turns, chain = problem.turns, robot.chain.copy()
-        chain[:-1, Joint.START_LOWER], chain[:-1, Joint.START_UPPER] = turns.window
-        library = starting_library(robot, *turns.window)
+        turns = problem.turns
         proofs = Proofs.build(problem)
         assert proofs is not None
         return cls(
             problem,
-            chain,
+            _chain(robot.chain, turns.window),
             settings,
-            library,
-            library_features(robot, library, settings, problem.posture),
+            SeedLibrary.build(robot, turns.window, settings, problem.posture),
             options.start_candidates,
             options.max_restarts,
             _posture_arrays(problem),
@@ -211,6 +207,13 @@ class ProblemArrays:
         chain[:-1, Joint.LOWER][joints], chain[:-1, Joint.UPPER][joints] = -np.inf, np.inf
         return replace(self, chain=chain)
 
+    def of_problem(self, problem: Problem) -> Self:
+        """The arrays of a problem of the same arm that is not `unsupported`, made of these where they fit."""
+        if problem.robot is not self.problem.robot:
+            return self.boxed(problem)
+        before, after = (each.tasks[0].kept for each in (self.problem, problem))  # type: ignore[attr-defined]
+        return self.with_problem(problem) if np.array_equal(before, after) else self.build(problem)
+
     def boxed(self, problem: Problem) -> Self:
         """The same for a problem of the arm with tighter limits; its seeds are those of the whole, clipped."""
         robot, turns, chain = problem.robot, problem.turns, self.chain.copy()
@@ -220,18 +223,43 @@ class ProblemArrays:
             self,
             problem=problem,
             chain=chain,
-            library=np.clip(self.library, *turns.window),
+            seeds=self.seeds.clipped(turns.window),
             proofs=self.proofs.boxed(problem, chain),
             turns=turns if turns.everywhere.any() else None,
         )
 
     def with_problem(self, problem: Problem) -> Self:
-        """The same for a problem that differs in its redundancy or its restarts, as it is searched from a start.
+        """The same for a problem that differs in its redundancy, its restarts or the size of its weights."""
+        settings, chain, turns = self.settings, self.chain, problem.turns
+        weights = _weights(problem)
+        if weights != (settings[Setting.POSITION_WEIGHT], settings[Setting.ORIENTATION_WEIGHT]):
+            settings = settings.copy()
+            settings[Setting.POSITION_WEIGHT], settings[Setting.ORIENTATION_WEIGHT] = weights
+        if self.turns is not None or turns.long_slides.any():
+            chain = _chain(chain, turns.window)
+        return replace(
+            self,
+            problem=problem,
+            chain=chain,
+            settings=settings,
+            seeds=self.seeds.changed(turns.window, settings, problem.posture),
+            redundancy=_posture_arrays(problem),
+            last_attempt=problem.options.max_restarts,
+            turns=None if self.turns is None else turns,
+        )
 
-        Where starts are drawn, it is still around the posture of the problem before.
-        """
-        last = problem.options.max_restarts
-        return replace(self, problem=problem, redundancy=_posture_arrays(problem), last_attempt=last)
+
+def _weights(problem: Problem) -> tuple[float, float]:
+    """What position and orientation count."""
+    weights = problem.tasks[0].all_weights  # type: ignore[attr-defined]
+    return float(weights[0]), float(weights[5])
+
+
+def _chain(chain: np.ndarray, window: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """A chain (n + 1, 17) whose starts are drawn between (n,) and (n,)."""
+    chain = chain.copy()
+    chain[:-1, Joint.START_LOWER], chain[:-1, Joint.START_UPPER] = window
+    return chain
 
 
 def _posture_arrays(problem: Problem) -> PostureArrays | None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 
 from maira_qp.kernels.jit.simd import LANES
@@ -26,6 +29,84 @@ From the middle fewer descents run into the limits. Nearer to the posture the se
 a better optimum."""
 
 
+Window = tuple[np.ndarray, np.ndarray]
+"""What is sampled of the limits, from (n,) to (n,) [rad or m]"""
+
+
+@dataclass(frozen=True, eq=False)
+class SeedLibrary:
+    """Configurations within a range, and their features for some weights of the pose and a posture."""
+
+    known: KnownPoses
+    settings: np.ndarray
+    """(16,) see `kernels.layout.Setting`"""
+    posture: Posture | None
+    range: Window | None = None
+    """What the configurations are clipped to, whose features stay those of the whole; None: they are not"""
+
+    @staticmethod
+    def build(robot: Robot, window: Window, settings: np.ndarray, posture: Posture | None) -> SeedLibrary:
+        """For what is sampled of the limits."""
+        return SeedLibrary(KnownPoses(robot, *window), settings, posture)
+
+    def changed(self, window: Window, settings: np.ndarray, posture: Posture | None) -> SeedLibrary:
+        """The same where another range is sampled, or weights or posture are others."""
+        if self.range is not None:
+            return SeedLibrary(self.known, settings, posture, window)
+        known = self.known
+        if not (np.array_equal(window[0], known.lower) and np.array_equal(window[1], known.upper)):
+            known = KnownPoses(known.robot, *window)
+        return SeedLibrary(known, settings, posture)
+
+    @property
+    def configurations(self) -> np.ndarray:
+        """(LIBRARY, n)"""
+        return self.known.configurations if self.range is None else self._clipped
+
+    @cached_property
+    def _clipped(self) -> np.ndarray:
+        assert self.range is not None
+        return np.clip(self.known.configurations, *self.range)
+
+    def clipped(self, window: Window) -> SeedLibrary:
+        """The same with configurations clipped to a range."""
+        library = SeedLibrary(self.known, self.settings, self.posture, window)
+        library.__dict__["features"] = self.features
+        return library
+
+    @cached_property
+    def features(self) -> np.ndarray:
+        """(LIBRARY / LANES, 13, LANES), see `library_features`."""
+        return library_features(self.known, self.settings, self.posture)
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPoses:
+    """Configurations between lower and upper (n,), and their poses."""
+
+    robot: Robot
+    lower: np.ndarray
+    upper: np.ndarray
+
+    @cached_property
+    def configurations(self) -> np.ndarray:
+        """(LIBRARY, n)"""
+        return starting_library(self.robot, self.lower, self.upper)
+
+    @cached_property
+    def turns(self) -> WholeTurns:
+        """Of the robot's joints."""
+        return WholeTurns(self.robot, self.robot.middle)
+
+    @cached_property
+    def rows(self) -> np.ndarray:
+        """Poses (LIBRARY, 12), R by rows, then p, of which long slides change nothing."""
+        rows = np.array([row_of(self.robot.at(q).placement(None)) for q in self.configurations])
+        if self.turns.long_slides.any():
+            rows[:, 9:] = rows[:, 9:] @ _across_slides(self.robot, self.turns.long_slides)
+        return rows
+
+
 def starting_library(robot: Robot, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
     """Configurations (LIBRARY, n): corners of lower and upper (n,), the others spread evenly between them."""
     n = robot.n
@@ -36,21 +117,18 @@ def starting_library(robot: Robot, lower: np.ndarray, upper: np.ndarray) -> np.n
     return np.concatenate([corners, np.clip((1 - share) * lower + share * upper, lower, upper)])
 
 
-def library_features(robot: Robot, library: np.ndarray, settings: np.ndarray, posture: Posture | None) -> np.ndarray:
-    """Features (LIBRARY / LANES, 13, LANES) of a library, see `kernels.search.seeds`.
+def library_features(known: KnownPoses, settings: np.ndarray, posture: Posture | None) -> np.ndarray:
+    """Features (LIBRARY / LANES, 13, LANES) of known poses, see `kernels.search.seeds`.
 
     Their square counts the distance from a posture too, or from the middle. Slides that are placed by the target count
     in neither.
     """
-    features, turns = np.empty((LIBRARY // LANES, Feature.WIDTH, LANES)), WholeTurns(robot, robot.middle)
-    poses = np.array([row_of(robot.at(q).placement(None)) for q in library])
-    if turns.long_slides.any():
-        poses[:, 9:] = poses[:, 9:] @ _across_slides(robot, turns.long_slides)
-    fill_library(settings, poses, features)
+    features, turns = np.empty((LIBRARY // LANES, Feature.WIDTH, LANES)), known.turns
+    fill_library(settings, known.rows, features)
     share = POSTURE_SHARE
     if posture is None:
-        posture, share = Posture(weights=(~turns.everywhere).astype(float)).of(robot), MIDDLE_SHARE
-    distance = np.square(library - posture.q_ref) @ (posture.joint_weights * ~turns.long_slides)
+        posture, share = Posture(weights=(~turns.everywhere).astype(float)).of(known.robot), MIDDLE_SHARE
+    distance = np.square(known.configurations - posture.q_ref) @ (posture.joint_weights * ~turns.long_slides)
     distance = np.minimum(distance, distance.mean())  # nothing else is near a target in a corner of the limits
     poses = features[:, : Feature.SQUARE]
     spread = np.square(poses - poses.mean(axis=(0, 2), keepdims=True)).sum(axis=1).mean()

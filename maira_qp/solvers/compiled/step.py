@@ -10,6 +10,7 @@ its answer counts where they do not bind.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,7 +20,7 @@ import pinocchio as pin
 from maira_qp.arrays import is_native
 from maira_qp.kernels.control.step import tick
 from maira_qp.kernels.control.step_workspace import STEP_WORK
-from maira_qp.kernels.layout import Level, Step
+from maira_qp.kernels.layout import Level, Step, TaskRow
 from maira_qp.kernels.spatial.pose_validation import FINE
 from maira_qp.orientation import ORTHONORMAL_WITHIN
 from maira_qp.problem.limits.joint import FEASIBILITY
@@ -31,9 +32,8 @@ from maira_qp.problem.targets import FARTHEST
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.results.status import StepStatus
-from maira_qp.robots.model.robot import Robot
-from maira_qp.solvers.compiled.task_arrays import known, task_arrays
-from maira_qp.solvers.reference.step import HALVINGS, is_of_motion_alone, split_equalities
+from maira_qp.solvers.compiled.task_arrays import all_arrays, known
+from maira_qp.solvers.reference.step import HALVINGS, is_of_motion_alone, resting_speed, split_equalities
 from maira_qp.solvers.reference.step_models import LEAST_DAMPING
 
 STATUSES = tuple(StepStatus)
@@ -45,9 +45,11 @@ Ticked = tuple[np.ndarray, np.ndarray, float, float, StepStatus]
 class CompiledTick:
     """The arrays of one problem, see `maira_qp.kernels`: `tree`, `task_rows`, `levels`, `tick`."""
 
+    problem: Problem
+    """What they are made of"""
     n: int
-    frames: tuple[str, ...]
-    """The frames that a call needs a target for"""
+    keys: tuple[str, ...]
+    """The keys of the targets that a call needs to give"""
     needs_velocity: bool
     """Some acceleration is limited"""
     tree: np.ndarray
@@ -70,6 +72,14 @@ class CompiledTick:
     """(n,) no velocity"""
     sizes: tuple[int, int]
     """How many numbers, and of int64, a tick works in"""
+    count: int
+    """How many parts of the problem are no limits"""
+    task_rows: dict[int, slice]
+    """The rows of `tasks` by the places of the problem's parts"""
+    moving: tuple[tuple[int, slice], ...]
+    """The places of parts that ask for motion, and their rows of `tasks`"""
+    objective_rows: dict[int, int]
+    """The rows of `objectives` by the places of the problem's parts"""
 
     @staticmethod
     def build(problem: Problem) -> CompiledTick:
@@ -77,23 +87,60 @@ class CompiledTick:
         robot, levels = problem.robot, _levels(problem)
         assert levels is not None
         tree = robot.tree
-        each = [task_arrays(tree, problem.frames, task, k) for k, level in enumerate(levels) for task in level.tasks]
+        ordered = [
+            (k, task) for k, level in enumerate(levels) for task in sorted(level.tasks, key=lambda one: one.is_of_ticks)
+        ]
+        each, rows_of = [], {}
+        for k, task in ordered:
+            begin = len(each)
+            each += all_arrays(tree, problem.target_keys, task, k)
+            rows_of[id(task)] = slice(begin, len(each))
+        places = {id(part): i for i, part in enumerate(problem.parts)}
         rows = sum(count for _, _, count in each) + robot.n * (len(levels) - 1)
         return CompiledTick(
+            problem=problem,
             n=robot.n,
-            frames=problem.frames,
+            keys=problem.target_keys,
             needs_velocity=bool(np.isfinite(robot.acceleration_limit).any()),
             tree=tree.joints,
             parents=tree.parents,
             tasks=np.array([row for row, _, _ in each]),
             places=np.array([place for _, place, _ in each], np.int64),
-            objectives=np.array([_objective_row(robot, level) for level in levels]),
+            objectives=np.array([_objective_row(robot.n, level) for level in levels]),
             gains=tuple(None if level.posture is None else level.posture.gain for level in levels),
             staying=tuple(level.stays for level in levels),
             numbers=_numbers(problem, rows),
             still=np.zeros(robot.n),
             sizes=STEP_WORK.sizes(robot.n, len(each), rows, len(levels)),
+            count=len(problem.parts) - len(problem.additional_limits),
+            task_rows={places[id(task)]: rows_of[id(task)] for _, task in ordered},
+            moving=tuple((places[id(task)], rows_of[id(task)]) for _, task in ordered if task.is_of_ticks),
+            objective_rows={places[id(level.part)]: k for k, level in enumerate(levels) if level.part is not None},
         )
+
+    def with_problem(self, problem: Problem) -> CompiledTick:
+        """The same for a problem with the same parts, of which some have other data: their rows are made anew."""
+        arrays = {"tasks": self.tasks, "objectives": self.objectives}
+        for i, (part, before) in enumerate(zip(problem.parts, self.problem.parts, strict=True)):
+            if part is before:
+                continue
+            name, rows = ("tasks", self.task_rows) if i in self.task_rows else ("objectives", self.objective_rows)
+            if part.is_off or i >= self.count:
+                continue
+            if i not in rows:  # one of several that are a row together
+                return CompiledTick.build(problem)
+            if arrays[name] is getattr(self, name):
+                arrays[name] = arrays[name].copy()
+            if name == "tasks":
+                made = all_arrays(problem.robot.tree, self.keys, part, 0)
+                arrays[name][rows[i]] = [row for row, _, _ in made]
+            else:
+                level = _level_of(part)
+                assert level is not None
+                arrays[name][rows[i]] = _objective_row(self.n, level)
+        changed = copy(self)
+        changed.__dict__.update(arrays, problem=problem)
+        return changed
 
     def tick(self, target: Any, q: Any, dt: float, velocity: Any) -> Ticked | None:
         """q (n,), velocity (n,), errors [m] and [rad], and status after a tick of dt [s].
@@ -110,7 +157,7 @@ class CompiledTick:
         fault = tick(
             self.tree,
             self.parents,
-            self.tasks,
+            self._tasks_of(q, dt),
             self.places,
             self._objectives_of(q, dt),
             self.numbers,
@@ -125,7 +172,19 @@ class CompiledTick:
         if fault != FINE:
             return None
         position, orientation, status = out[2 * n :].tolist()
-        return out[:n], out[n : 2 * n], position, orientation, STATUSES[int(status)]
+        ahead, speed, ended = out[:n], out[n : 2 * n], STATUSES[int(status)]
+        if self.moving and ended is StepStatus.ARRIVED and (np.abs(speed) > resting_speed(self.problem.robot)).any():
+            ended = StepStatus.MOVING
+        return ahead, speed, position, orientation, ended
+
+    def _tasks_of(self, q: np.ndarray, dt: float) -> np.ndarray:
+        """The tasks (T, 60 + n) at q (n,), with the goals of those that ask for motion in a tick of dt [s]."""
+        if not self.moving:
+            return self.tasks
+        tasks = self.tasks.copy()
+        for i, rows in self.moving:
+            tasks[rows, TaskRow.VALUE] = self.problem.parts[i].goal(q, dt)
+        return tasks
 
     def _objectives_of(self, q: np.ndarray, dt: float) -> np.ndarray:
         """The objectives (L, 2 + 2 n) at q (n,), their gains as shares of their steps in a tick of dt [s]."""
@@ -138,14 +197,14 @@ class CompiledTick:
 
     def _poses(self, target: Any) -> np.ndarray | None:
         """The targets of a call below each other (4 K, 4), unchecked; None for what is none."""
-        frames = self.frames
+        keys = self.keys
         if not isinstance(target, Mapping):
-            return _matrix(target) if len(frames) == 1 else np.empty((0, 4)) if target is None and not frames else None
-        if len(target) != len(frames):
+            return _matrix(target) if len(keys) == 1 else np.empty((0, 4)) if target is None and not keys else None
+        if len(target) != len(keys):
             return None
-        T = np.empty((4 * len(frames), 4))
-        for k, frame in enumerate(frames):
-            pose = _matrix(target.get(frame))
+        T = np.empty((4 * len(keys), 4))
+        for k, key in enumerate(keys):
+            pose = _matrix(target.get(key))
             if pose is None:
                 return None
             T[4 * k : 4 * k + 4] = pose
@@ -163,7 +222,7 @@ def _numbers(problem: Problem, rows: int) -> np.ndarray:
         FARTHEST=FARTHEST * robot.length,
         FEASIBILITY=FEASIBILITY,
         IS_SLOW=bool(np.isfinite(robot.acceleration_limit).any()),
-        FIRST=len(problem.tasks),
+        FIRST=sum(not task.is_of_ticks for task in problem.tasks),
         ROWS=rows,
         POSITION_LOSS=options.level_position_tolerance,
         ORIENTATION_LOSS=options.level_orientation_tolerance,
@@ -191,14 +250,17 @@ class _Level:
     gain: float = 1.0
     stays: bool = False
     """The posture is that of now"""
+    part: Any = None
+    """What of the problem the posture is of"""
 
 
 def unsupported(problem: Problem) -> str:
     """Why the compiled engine cannot take control ticks of a problem, its additional limits aside; empty: it can."""
     if problem.robot.kinematics.has_mimic:
         return "a joint mimics another"
-    if _levels(problem) is not None:
-        return ""
+    levels = _levels(problem)
+    if levels is not None:
+        return "" if any(level.tasks for level in levels) else "all its tasks are switched off"
     if problem.posture is not None and not problem.posture.is_diagonal:
         return "the weights of a posture are a matrix"
     return "a task, objective or level is of a kind that it does not know"
@@ -207,19 +269,22 @@ def unsupported(problem: Problem) -> str:
 def _levels(problem: Problem) -> list[_Level] | None:
     """The levels in falling priority, as in `solvers.reference.step`; None if the kernel does not know one of them."""
     redundancy = problem.redundancy
-    weighted = (ObjectiveTask(redundancy.objective, redundancy.weight),) if isinstance(redundancy, Weighted) else ()
+    weighted = redundancy if isinstance(redundancy, Weighted) else None
     strict = redundancy.objectives if isinstance(redundancy, Strict) else ()
-    top, *soft = split_equalities(LevelObjective(TaskCost(problem.tasks), weighted))
-    if soft and isinstance(redundancy, Weighted) and redundancy.fading:
+    beside = () if weighted is None else (ObjectiveTask(weighted.objective, weighted.weight),)
+    top, *soft = split_equalities(LevelObjective(TaskCost(problem.tasks), beside))
+    if soft and weighted is not None and weighted.fading:
         return None  # it fades a posture of the first level alone
     below = [part for level in problem.hierarchy.lower for part in split_equalities(level)]
     levels = [_level(LevelObjective(top.tasks)), *map(_lower_level, (*soft, *below))]
-    if weighted and not soft and levels[0] is not None:
-        posture = _posture(weighted[0].objective)
-        levels[0] = None if posture is None else replace(levels[0], posture=posture, weight=weighted[0].weight)
-    levels += [None if posture is None else _Level(posture=posture) for posture in map(_posture, strict)]
-    taken = [level for level in levels if level is not None]
-    return taken if len(taken) == len(levels) else None
+    if weighted is not None:
+        place = 1 if soft else 0
+        level, at_place = _level_of(weighted), levels[place]
+        levels[place] = None if level is None or at_place is None else replace(level, tasks=at_place.tasks)
+    levels += [_level_of(objective) for objective in strict]
+    if any(level is None for level in levels):
+        return None
+    return [level for level in levels if level is not None and (level.tasks or level.posture)]
 
 
 def _lower_level(level: LevelObjective) -> _Level | None:
@@ -235,10 +300,19 @@ def _level(level: LevelObjective) -> _Level | None:
     """A level of tasks alone, or of an objective alone."""
     if not level.objectives:
         return _Level(level.tasks.tasks) if known(level.tasks.tasks) else None
-    each, posture = level.objectives[0], _posture(level.objectives[0].objective)
-    if len(level.objectives) > 1 or level.tasks.tasks or posture is None:
+    first, *others = level.objectives
+    return None if others or level.tasks.tasks else _level_of(first)
+
+
+def _level_of(part: Any) -> _Level | None:
+    """A level of an objective, with its weight if it has one; None for one that is no posture."""
+    is_alone = isinstance(part, Objective)
+    posture = _posture(part if is_alone else part.objective)
+    if posture is None:
         return None
-    return _Level(posture=posture, weight=each.weight, gain=each.gain)
+    if is_alone:
+        return _Level(posture=posture, part=part)
+    return _Level(posture=posture, weight=part.weight, gain=getattr(part, "gain", 1.0), part=part)
 
 
 def _posture(objective: Objective) -> Posture | None:
@@ -248,9 +322,9 @@ def _posture(objective: Objective) -> Posture | None:
     return objective if isinstance(objective, Posture) and objective.is_diagonal else None
 
 
-def _objective_row(robot: Robot, level: _Level) -> np.ndarray:
+def _objective_row(n: int, level: _Level) -> np.ndarray:
     """A level's row (2 + 2 n,) of `kernels.control.level_models`."""
-    row = np.zeros(Level.REFERENCE + 2 * robot.n)
+    row = np.zeros(Level.REFERENCE + 2 * n)
     row[Level.GAIN] = level.gain
     if level.posture is not None:
         row[Level.WEIGHT] = level.weight

@@ -12,7 +12,7 @@ from maira_qp.kernels.layout import Axes, Kind, Place, TaskRow
 from maira_qp.problem.targets import row_of
 from maira_qp.problem.tasks.axis import AxisTask, LookAtTask, rotation_between
 from maira_qp.problem.tasks.frame import FrameTask, OrientationTask, PoseTask, PositionTask, TargetTask
-from maira_qp.problem.tasks.joints import DampingTask, JointCouplingTask
+from maira_qp.problem.tasks.joints import DampingTask, JointCouplingTask, JointVelocityTask
 from maira_qp.problem.tasks.relative import RelativePoseTask
 from maira_qp.problem.tasks.swivel import SwivelTask
 from maira_qp.problem.tasks.task import Task
@@ -34,9 +34,13 @@ KINDS: dict[type[Task], int] = {
 
 def known(tasks: Sequence[Task]) -> bool:
     """Whether the kernel knows all of the tasks."""
-    return all(
-        type(task) in KINDS and not (isinstance(task, DampingTask) and task.metric is not None) for task in tasks
-    )
+    return all(map(_is_known, tasks))
+
+
+def _is_known(task: Task) -> bool:
+    if isinstance(task, JointVelocityTask):
+        return type(task) is JointVelocityTask and not task.equality
+    return type(task) in KINDS and not (isinstance(task, DampingTask) and task.metric is not None)
 
 
 def task_arrays(
@@ -53,9 +57,10 @@ def task_arrays(
     place[Place.AXES] = Axes.BASE
     for k, frame in enumerate(_frames(task)):
         start = TaskRow.PLACEMENTS + 12 * k
-        place[Place.JOINTS + k], row[start : start + 12] = tree.frame(frame)
-    if task.target_frame is not None:
-        place[Place.SOURCE] = frames.index(task.target_frame)
+        offset = task.offset if k == 0 and isinstance(task, TargetTask) else None
+        place[Place.JOINTS + k], row[start : start + 12] = tree.frame(frame, offset)
+    if task.target_key is not None:
+        place[Place.SOURCE] = frames.index(task.target_key)
     elif isinstance(task, TargetTask):
         row[TaskRow.TARGET : TaskRow.TARGET + 12] = row_of(_own_target(task))
     if isinstance(task, FrameTask) and task.axes == "target" and not task.is_even:
@@ -72,12 +77,29 @@ def task_arrays(
     return row, place, count
 
 
+def all_arrays(
+    tree: KinematicTree, frames: Sequence[str], task: Task, level: int
+) -> list[tuple[np.ndarray, np.ndarray, int]]:
+    """The arrays of a task; of joints that are to move: as many couplings of one joint, whose values ticks write."""
+    if not isinstance(task, JointVelocityTask):
+        return [task_arrays(tree, frames, task, level)]
+    made = []
+    for joint, weight in zip(task.columns, task.weights, strict=True):
+        row, place = np.zeros(TaskRow.COEFFICIENTS + tree.n), np.full(Place.WIDTH, Place.ABSENT)
+        row[TaskRow.WEIGHTS + 3], row[TaskRow.COEFFICIENTS + joint] = weight, 1.0
+        row[TaskRow.GAIN], row[TaskRow.DAMPING] = task.gain, task.damping
+        place[Place.KIND], place[Place.LEVEL], place[Place.SOURCE] = Kind.COUPLING, level, Place.OWN
+        place[Place.AXES] = Axes.BASE
+        made.append((row, place, int(weight > 0)))
+    return made
+
+
 def _six_weights(task: Task) -> np.ndarray:
     """Weights (6,) of the error as it stands in the kernel."""
     if isinstance(task, FrameTask):
         return task.all_weights
     if isinstance(task, RelativePoseTask):
-        return task.weights
+        return task.all_weights
     count = 2 if isinstance(task, (AxisTask, LookAtTask)) else 0 if isinstance(task, DampingTask) else 1
     return np.array([0, 0, 0, *(task.weights,) * count, *(0,) * (3 - count)], dtype=float)
 

@@ -137,9 +137,12 @@ def nearest_solution(
 
 def _of_tip(problem: Problem, targets: Targets) -> PoseTask | None:
     """The one task, the whole pose of the tip of a chain, with its target; None: it is another, or there are more."""
-    robot, task = problem.robot, problem.tasks[0]
-    only = len(problem.tasks) == 1 and isinstance(task, PoseTask) and not problem.hierarchy.lower
-    if not only or problem.frames != (robot.tip,) or not task.kept.all() or unsupported(problem):
+    robot, (task, *others) = problem.robot, problem.tasks or (None,)
+    if others or not isinstance(task, PoseTask) or problem.hierarchy.lower:
+        return None
+    if task.target is not None or task.frame != robot.tip or task.offset is not None:
+        return None
+    if not task.kept.all() or unsupported(problem):
         return None
     return task.toward(targets.poses())  # type: ignore[return-value]
 

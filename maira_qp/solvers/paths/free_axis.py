@@ -30,7 +30,7 @@ def free_axis(problem: Problem) -> int | None:
     weights, is_free = task.all_weights, task.all_weights[3:] == 0.0
     turns = weights[3:][~is_free]
     is_even = bool((weights[:3] == weights[0]).all() and weights[0] > 0.0 and (turns == turns[:1]).all())
-    is_of_tip = task.frame == problem.robot.tip and problem.robot.is_chain
+    is_of_tip = task.frame == problem.robot.tip and task.offset is None and problem.robot.is_chain
     return int(is_free.argmax()) if is_free.sum() == 1 and is_even and is_of_tip else None
 
 

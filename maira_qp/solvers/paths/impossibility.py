@@ -22,7 +22,7 @@ import numpy as np
 from maira_qp.analytic.srs.geometry import SRS
 from maira_qp.kernels.paths.boxes import within_a_step
 from maira_qp.problem.problem import Problem
-from maira_qp.problem.targets import poses_of
+from maira_qp.problem.targets import pose_of
 from maira_qp.results.path_proof import PathProof
 from maira_qp.results.path_solution import PathSolution
 
@@ -52,7 +52,7 @@ def proof_of(problem: Problem, path: PathSolution) -> PathProof | None:
     missed = np.flatnonzero(~path.success)
     begin, end = max([0, *(missed[missed < k] + 1)]), min([len(path), *missed[missed > k]])
     start = path.q[0] if begin == 0 and path.rules.is_start_given else None
-    poses = np.array([poses_of(problem.frames, row[None])[problem.frames[0]].homogeneous for row in path._targets])
+    poses = np.array([pose_of(row).homogeneous for row in path._targets])
     options = problem.options
     within = options.position_tolerance, options.orientation_tolerance
     return path_proof(srs, poses[begin:end], within, path.allowed_step, start, begin)

@@ -84,8 +84,8 @@ def _as_followed(
     """Targets, start and steps of the problem that is followed: of an arm with a joint more where the tool may turn."""
     axis = free_axis(asked)
     if axis is None:
-        which = [targets.frames.index(frame) for frame in followed.frames]
-        return Targets(followed.frames, targets.rows[:, which], targets.deviations), q0, rules.step
+        which = [targets.keys.index(key) for key in followed.target_keys]
+        return Targets(followed.target_keys, targets.rows[:, which], targets.deviations), q0, rules.step
     if len(targets):
         targets = without_turning(targets, axis, rules.loop)
         if q0 is not None:

@@ -76,6 +76,8 @@ class ReferenceEngine:
         budget = Budget(problem.options.deadline, observe)
         cost, wish = problem.costs(poses)
         reached = self.reached(cost)
+        if q0 is None and not problem.tasks:  # nothing is to be reached: what is left is settled from the middle
+            q0 = problem.robot.middle
         start = None if q0 is None else self.context.admitted(q0)
         begin = self._posture_asked_for(cost) if start is None else start
         stream = streams(rows, seed)
@@ -154,7 +156,7 @@ class ReferenceEngine:
         self, q: np.ndarray, outcome: Sequence[float], target: np.ndarray, q0: np.ndarray | None = None
     ) -> Solution:
         """From what the compiled search for a target (K, 12) from q0 left in q (n,) and outcome (9,)."""
-        cost, wish = self.problem.costs(poses_of(self.problem.frames, target))
+        cost, wish = self.problem.costs(poses_of(self.problem.target_keys, target))
         found = found_by_kernel(self.context.robot, q, outcome)
         budget = Budget(None, iterations=int(outcome[2]))
         start = None if q0 is None else self.context.robot.clip(q0)
@@ -172,7 +174,7 @@ class ReferenceEngine:
 
     def settled_from(self, q: np.ndarray, target: np.ndarray, q0: np.ndarray | None, accepts: Accepts) -> Solution:
         """From q (n,) that reaches a target (K, 12), with steps that stay accepted: the redundancy's optimum."""
-        cost, wish = self.problem.costs(poses_of(self.problem.frames, target))
+        cost, wish = self.problem.costs(poses_of(self.problem.target_keys, target))
         at, start = self.context.robot.at(q), None if q0 is None else self.context.robot.clip(q0)
         found = Search(Descent(at, cost.value(at), True), 0)
         return self._finish(found, cost, wish, self.reached(cost, accepts), Budget(None), target, q0, start)
@@ -280,4 +282,4 @@ def _objective_cost(wish: Weighted | Strict | None, at: Configuration) -> float:
 def residual(cost: TaskCost, at: Configuration) -> tuple[float, float]:
     """The largest position error [m] and orientation error [rad] of all tasks."""
     residuals = [task.residual(at) for task in cost.tasks]
-    return max(r[0] for r in residuals), max(r[1] for r in residuals)
+    return max((r[0] for r in residuals), default=0.0), max((r[1] for r in residuals), default=0.0)

@@ -218,10 +218,11 @@ def _status(
     context: Context,
 ) -> StepStatus:
     """What the arm is doing; `wanted` (n,) is the velocity that the QPs ask for, gradient the tasks' free one."""
-    if are_reached(tasks, at, context.options):
-        return StepStatus.ARRIVED
     slow = resting_speed(context.robot)
-    if (np.abs(velocity) > slow).any():
+    moves = bool((np.abs(velocity) > slow).any())
+    if are_reached(tasks, at, context.options) and not (moves and any(task.is_of_ticks for task in tasks)):
+        return StepStatus.ARRIVED
+    if moves:
         return StepStatus.MOVING
     if (np.abs(wanted) > slow).any():
         return StepStatus.STUCK

@@ -52,7 +52,7 @@ class HandMap:
 
     def anywhere(self) -> Hands:
         """No hands to compare with."""
-        return Hands(np.full((len(self.problem.frames), 12), np.nan))
+        return Hands(np.full((len(self.problem.target_keys), 12), np.nan))
 
     def at_tools(self, q: np.ndarray) -> Hands:
         """Hands that are where the tools are at q (n,)."""
@@ -62,7 +62,7 @@ class HandMap:
     def tools(self, q: np.ndarray) -> np.ndarray:
         """Where the tools (K, 4, 4) are at q (n,)."""
         at = self.problem.robot.at(q)
-        return np.array([at.placement(frame).homogeneous for frame in self.problem.frames]).reshape(-1, 4, 4)
+        return np.array([pose.homogeneous for pose in self.problem.followers(at)]).reshape(-1, 4, 4)
 
     def moved(self, hands: Hands, target: Any, tools: np.ndarray | None) -> Hands | str:
         """The hands and targets after a target from the caller, or why it is not followed.
@@ -82,7 +82,7 @@ class HandMap:
 
     def _native(self, target: Any) -> np.ndarray | None:
         """The poses of a target (K, 4, 4), unchecked; None for what may be none."""
-        frames = self.problem.frames
+        frames = self.problem.target_keys
         if isinstance(target, Mapping):
             given = [_matrix(target.get(frame)) for frame in frames]
             matrices = [T for T in given if T is not None]
@@ -116,7 +116,7 @@ class HandMap:
     def _jump(self, hands: Hands, out: np.ndarray) -> str:
         """In words how far the hand of `out` (9,), see `follow_hands`, is from the last."""
         index, distance, angle = out[:3].tolist()
-        frames, (most, widest) = self.problem.frames, self.max_jump.tolist()
+        frames, (most, widest) = self.problem.target_keys, self.max_jump.tolist()
         name = "target" if len(frames) == 1 else f"target of {frames[int(index)]!r}"
         last = "tool" if hands.goals is None and not self.is_relative else "last one"
         allowed = f"max_jump: {1e3 * most:.4g} mm, {math.degrees(widest):.4g} degrees"

@@ -9,6 +9,7 @@ behind, and a loop that is closed over them is slow or swings.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -89,8 +90,8 @@ class Tracker(Shown):
             raise OptionError(f"clutch must be something like mq.Clutch(scale=0.5), got {shown(clutch)}")
         if velocity is not None or acceleration is not None:
             solver = solver.limited(velocity=velocity, acceleration=acceleration)
-        self._frames = solver.problem.frames
-        if clutch is not None and not self._frames:
+        self._keys = solver.problem.target_keys
+        if clutch is not None and not self._keys:
             raise OptionError("a clutch moves targets, and the solver's tasks take none from the call")
         from maira_qp.solvers.streaming.hands import HandMap  # heavy: Numba comes with it
         from maira_qp.solvers.streaming.limiting import Limiting
@@ -116,12 +117,13 @@ class Tracker(Shown):
         self._hold = ""
         self._is_engaged = self._clutch is None
         self._silence = 0.0
+        self._values: dict[str, Any] = {}
         self._hands = self._map.at_tools(self._q) if self._clutch is None else self._map.anywhere()
 
     def _compile(self) -> None:
         """Run what a tick runs, so that kernels are compiled, or loaded, before the first one."""
         T = self._map.tools(self._q)
-        target = self._by_frame(T) if self._frames else None
+        target = self._by_key(T) if self._keys else None
         if target is not None:
             self._map.moved(self._map.anywhere(), target, T)
         step = self._solver.step(self._q, target, 1e-3, velocity=self._velocity)
@@ -198,28 +200,35 @@ class Tracker(Shown):
         """Compute the command of a tick of dt [s]. Whatever the arguments are, it is a command and not an exception.
 
         Args:
-            target: the newest pose, `pin.SE3` or (4, 4) [m], with several frames {frame: pose}; None: none came.
+            target: the newest pose, `pin.SE3` or (4, 4) [m], with several frames {frame: pose}; None: none came. In a
+                mapping whatever else `Solver.step` takes by name, such as a posture: it holds until another comes.
             dt: length of the tick [s]; it may vary. If it is no length of time, the arm keeps its last command.
             measured: where the robot is (n,) [rad or m]: while a joint is farther than `max_following_error` from its
                 last command the tracker holds, so that it does not run away from a robot that is blocked or slow.
         """
         if not (is_number(dt) and 0 < dt < math.inf):
             return self._holding(f"the length of a tick must be a positive number of seconds, got {shown(dt)}")
-        dt = float(dt)
+        dt, values = float(dt), self._values
+        if isinstance(target, Mapping):
+            try:
+                target, given = self._solver.problem.split(target)
+            except MairaError as error:
+                return self._brake(str(error), dt)
+            target, values = target or None, {**values, **given}
         self._silence = self._silence + dt if target is None else 0.0
         reason = self._hold or self._reason_to_wait(dt) or self._lag(measured)
         if reason:
             return self._brake(reason, dt)
         hands: Hands | str = self._hands
         if target is not None:
-            if not self._frames:
+            if not self._keys:
                 return self._brake(f"no task takes its target from the call, got {shown(target)}", dt)
             is_new = self._clutch is not None and hands.goals is None
             hands = self._map.moved(hands, target, self._stop() if is_new else None)
             if isinstance(hands, str):
                 return self._brake(hands, dt)
         try:
-            return self._follow(hands, dt)
+            return self._follow(hands, values, dt)
         except MairaError as error:  # beyond the numbers, such as a target farther away than a thousand million arms
             return self._brake(str(error), dt)
 
@@ -227,7 +236,7 @@ class Tracker(Shown):
         """Why no target can be followed in this tick, whatever it is; empty: one can."""
         if not self._is_engaged:
             return "the clutch is released"
-        if not self._frames:
+        if not self._keys:
             return ""
         if self._silence > self._timeout:
             return f"no target for {self._silence:.3g} s (timeout: {self._timeout:g} s)"
@@ -256,12 +265,15 @@ class Tracker(Shown):
         way = self._velocity * np.abs(self._velocity) / (2 * robot.acceleration_limit)
         return self._map.tools(robot.clip(robot.kinematics.integrate(self._q, way)))
 
-    def _follow(self, hands: Hands, dt: float) -> Command:
-        """A step toward targets."""
-        target = None if hands.goals is None else self._by_frame(hands.goals)
-        q, velocity = self._q, self._velocity
-        step = self._solver.step(q, target, dt, velocity=velocity)
-        self._hands = hands
+    def _follow(self, hands: Hands, values: dict[str, Any], dt: float) -> Command:
+        """A step toward targets, and with other data of the solver's tasks."""
+        target = None if hands.goals is None else self._by_key(hands.goals)
+        q, velocity, asked = self._q, self._velocity, target
+        if values:
+            poses = () if hands.goals is None else zip(self._keys, hands.goals, strict=True)
+            asked = {**dict(poses), **values}
+        step = self._solver.step(q, asked, dt, velocity=velocity)
+        self._hands, self._values = hands, values
         self._q, self._velocity = step.q, step.velocity
         state, reason, tolerance = TrackerState.FOLLOWING, "", self._tolerance
         if not (step.position_error <= tolerance[0] and step.orientation_error <= tolerance[1]):
@@ -269,9 +281,9 @@ class Tracker(Shown):
             state = TrackerState.LIMITED if reason else TrackerState.FOLLOWING
         return self._command(state, reason, step.position_error, step.orientation_error, target)
 
-    def _by_frame(self, T: np.ndarray) -> np.ndarray | dict[str, np.ndarray]:
+    def _by_key(self, T: np.ndarray) -> np.ndarray | dict[str, np.ndarray]:
         """Poses (K, 4, 4) as `Solver.step` takes them."""
-        return T[0] if len(T) == 1 else dict(zip(self._frames, T, strict=True))
+        return T[0] if len(T) == 1 else dict(zip(self._keys, T, strict=True))
 
     def _brake(self, reason: str, dt: float) -> Command:
         """A tick without a target."""

@@ -287,7 +287,7 @@ def test_attempts_begin_at_the_start_then_at_the_nearest_of_the_library_then_at_
         starts = configurations(robot, rng, 1) if with_start else None
         found = starts_of(problem, row, count, stream, starts)
         expected = [] if starts is None else [starts[0]]
-        expected += list(problem.library[nearest_of(problem, problem.features, row)])
+        expected += list(problem.seeds.configurations[nearest_of(problem, problem.seeds.features, row)])
         for attempt in range(len(expected), count):
             state = int(state_of(np.uint64(stream), attempt))
             expected.append(start_of(problem, row, problem.candidates, attempt % CORNER == 1, state))

@@ -104,7 +104,7 @@ def test_no_level_disturbs_one_above_it(name, rng):
             q = q + rng.choice([0, 1e-9, 0.1], robot.n) * rng.normal(size=robot.n)
         at = robot.at(q)
         goal = q + 10 ** rng.uniform(-4, 0) * rng.normal(size=robot.n)
-        targets = {frame: robot.forward(goal, frame) for frame in solver.problem.frames}
+        targets = {frame: robot.forward(goal, frame) for frame in solver.problem.target_keys}
         cost, wish = solver.problem.costs(targets)
         bounds = merge(solver.limits, at, Tick(0.02, np.zeros(robot.n)))
         levels = list(strict_levels(cost.level(at), cost, wish.objectives, at, bounds.held))

@@ -54,7 +54,7 @@ def test_a_pose_of_the_library_is_nearest_to_itself(rng):
 
 def test_what_is_found_does_not_depend_on_what_stood_there(rng):
     problem = compiled(arm("maira"))
-    row, features = reachable_rows(problem.robot, rng, 1)[0], problem.features
+    row, features = reachable_rows(problem.robot, rng, 1)[0], problem.seeds.features
     expected = nearest_of(problem, features, row)
     for rubbish in (-(2**62), 2**62, 3):
         nearest = np.full(LANES, rubbish)
@@ -69,23 +69,25 @@ def test_the_library_lies_within_the_limits_and_knows_its_poses(name):
     np.testing.assert_array_equal(
         problem.chain[:-1, [Joint.START_LOWER, Joint.START_UPPER]], np.column_stack([lower, upper])
     )
-    corners = (problem.library[:, None] == np.stack([lower, upper])).any(axis=1).all(axis=1)
+    corners = (problem.seeds.configurations[:, None] == np.stack([lower, upper])).any(axis=1).all(axis=1)
     assert 2 <= corners.sum() <= 128
-    assert (problem.library[~corners] >= lower).all()
-    assert (problem.library[~corners] <= upper).all()
-    assert len(np.unique(problem.library, axis=0)) > 0.95 * len(problem.library)  # corners may be in it twice
-    poses = poses_of(problem, problem.library)
+    assert (problem.seeds.configurations[~corners] >= lower).all()
+    assert (problem.seeds.configurations[~corners] <= upper).all()
+    assert len(np.unique(problem.seeds.configurations, axis=0)) > 0.95 * len(
+        problem.seeds.configurations
+    )  # corners may be in it twice
+    poses = poses_of(problem, problem.seeds.configurations)
     np.testing.assert_array_equal(
-        features_of(problem, poses)[:, : Feature.SQUARE], problem.features[:, : Feature.SQUARE]
+        features_of(problem, poses)[:, : Feature.SQUARE], problem.seeds.features[:, : Feature.SQUARE]
     )
     poses[:, :9] *= problem.settings[1] * np.sqrt(0.5)
     poses[:, 9:] *= problem.settings[0]
     limited = upper - lower < 2 * np.pi - 1e-9
-    off = np.square(problem.library - problem.robot.middle) @ limited
+    off = np.square(problem.seeds.configurations - problem.robot.middle) @ limited
     off = np.minimum(off, off.mean())
     off *= MIDDLE_SHARE * np.square(poses - poses.mean(axis=0)).sum(axis=1).mean() / max(off.mean(), 1e-300)
     expected = np.column_stack([poses, (poses**2).sum(axis=1) + off]).reshape(-1, LANES, Feature.WIDTH).swapaxes(1, 2)
-    np.testing.assert_allclose(problem.features, expected, rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(problem.seeds.features, expected, rtol=1e-11, atol=1e-12)
 
 
 @pytest.mark.parametrize("weights", [1.0, 1e6, [0.0, 0.0, 3.0, 0.0, 0.0, 1.0, 0.0]])
@@ -95,7 +97,9 @@ def test_starts_are_near_the_posture_that_is_wished_for(weights, panda, rng):
     rows, mean = reachable_rows(panda, rng, 50), []
     for wish in (None, mq.Strict(posture)):
         problem = compiled(panda, mq.PoseTask(), wish)
-        starts = np.array([problem.library[nearest_of(problem, problem.features, row)[0]] for row in rows])
+        starts = np.array(
+            [problem.seeds.configurations[nearest_of(problem, problem.seeds.features, row)[0]] for row in rows]
+        )
         mean.append((np.square(starts - posture.q_ref) @ posture.weights).mean())
     assert mean[1] < 0.7 * mean[0]
 

@@ -111,8 +111,8 @@ def test_a_redundancy_without_an_objective_is_refused(make):
         make()
 
 
-@pytest.mark.parametrize("weight", [0, -1.0, np.nan, np.inf, "1"])
-def test_the_weight_of_weighted_is_positive(weight):
+@pytest.mark.parametrize("weight", [-1.0, np.nan, np.inf, "1"])
+def test_the_weight_of_weighted_is_not_negative(weight):
     with pytest.raises(OptionError, match="weight"):
         mq.Weighted(mq.Posture(), weight=weight)
 

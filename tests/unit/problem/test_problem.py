@@ -59,19 +59,19 @@ def test_errors_are_within_the_tolerances_or_not_as_numbers_and_as_arrays(maira)
 def test_targets_of_one_call_and_of_many_are_of_one_type(maira, rng):
     problem = Problem.build(maira, task=[mq.PoseTask(), mq.PositionTask(frame="link4")])
     poses = [
-        {frame: maira.forward(q, frame) for frame in problem.frames}
+        {frame: maira.forward(q, frame) for frame in problem.target_keys}
         for q in (maira.random_configuration(rng) for _ in range(3))
     ]
     many, one = problem.targets(poses), problem.target(poses[1])
-    assert (len(many), len(one), many.frames) == (3, 1, problem.frames)
+    assert (len(many), len(one), many.keys) == (3, 1, problem.target_keys)
     np.testing.assert_allclose(many[1].rows, one.rows, atol=1e-14)
     for frame, pose in one.poses().items():
         np.testing.assert_allclose(pose.homogeneous, poses[1][frame].homogeneous, atol=1e-14)
     assert many.is_finite.all()
     with pytest.raises(FrameError, match="tool0"):
-        problem.target({"elbow": poses[0][problem.frames[0]]})
+        problem.target({"elbow": poses[0][problem.target_keys[0]]})
     with pytest.raises(PoseError, match="link4"):
-        problem.target({problem.frames[0]: poses[0][problem.frames[0]]})
+        problem.target({problem.target_keys[0]: poses[0][problem.target_keys[0]]})
 
 
 def test_what_no_problem_is_made_of_is_refused(maira):

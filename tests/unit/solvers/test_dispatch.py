@@ -34,7 +34,7 @@ def test_the_engine_is_the_one_that_was_said(maira, label):
     assert solver.engine_for("solve").engine == solver.engine_for("solve_batch").engine == solves
     assert solver.engine_for("step").engine == steps
     assert solver.engine_for("solve").reason
-    frames = solver.problem.frames
+    frames = solver.problem.target_keys
     target = {frame: maira.forward(q, frame) for frame in frames}
     assert solver.solve(target, maira.middle + 0.1).backend == solves
     assert solver.step(maira.middle, target, 0.01).backend == steps

@@ -32,7 +32,7 @@ def legged(legs: int, rng: np.random.Generator) -> mq.Robot:
 def limbs_by_joints(robot: mq.Robot, tasks: list) -> list[set[str]]:
     """The names of the joints of each limb, the targets wherever the frames are at the middle."""
     tasks = [task.of(robot) for task in tasks]
-    targets = {f: robot.forward(robot.middle, f) for task in tasks if (f := task.target_frame) is not None}
+    targets = {f: robot.forward(robot.middle, f) for task in tasks if (f := task.target_key) is not None}
     limbs = limbs_of(tasks_toward(tasks, targets), robot)
     return [{robot.joint_names[i] for i in np.flatnonzero(limb.joints)} for limb in limbs]
 

@@ -1,0 +1,84 @@
+"""Batches whose calls differ in more than the poses of their targets: the engines of each call, and their answers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from maira_qp.arrays import is_listing
+from maira_qp.errors import MairaError, OptionError
+from maira_qp.problem.problem import Problem
+from maira_qp.problem.targets import Targets
+from maira_qp.solvers.dispatch import Engines
+
+Values = Mapping[str, Any]
+"""Data of parts of a problem by their keys"""
+
+OfCalls = Engines | list[Engines]
+"""The engines of all calls, or of each"""
+
+
+def of_calls(engines: Engines, targets: Any, weights: Any = None) -> tuple[OfCalls, Any, int]:
+    """The engines of N calls, the poses that they need, unchecked, and N, 0 where these say so.
+
+    Targets as for `Solver.solve_batch`. Raises `PoseError`, `FrameError`, `OptionError`.
+    """
+    problem = engines.problem
+    if isinstance(targets, Mapping):
+        poses, own, common = _of_mapping(problem, targets)
+    elif isinstance(targets, Sequence) and targets and all(isinstance(one, Mapping) for one in targets):
+        poses, own, common = _of_list(problem, targets)
+    else:
+        return *engines.of_call(targets, weights), 0
+    if common or weights:
+        engines = engines.with_problem(problem.of_call(common, weights)[0])
+    if not any(own):
+        return engines, poses, 0
+    return [engines.with_problem(engines.problem.with_values(each)) for each in own], poses, len(own)
+
+
+def first_of(of_each: OfCalls) -> Engines:
+    """The engines of the first call."""
+    return of_each if isinstance(of_each, Engines) else of_each[0]
+
+
+def _of_list(problem: Problem, targets: Sequence[Values]) -> tuple[Any, list[dict[str, Any]], Values]:
+    """N mappings as poses and N mappings of other data."""
+    both = [problem.split(each) for each in targets]
+    return [poses for poses, _ in both], [values for _, values in both], {}
+
+
+def _of_mapping(problem: Problem, targets: Values) -> tuple[Any, list[dict[str, Any]], Values]:
+    """A mapping as poses, N mappings of data that belong to each call, and data that are the same for all."""
+    poses, values = problem.split(targets)
+    common, each = {}, {}
+    for key, value in values.items():
+        try:
+            problem.with_values({key: value})
+            common[key] = value
+        except MairaError:
+            if not is_listing(value):
+                raise
+            each[key] = value
+    counts = {key: len(value) for key, value in each.items()}
+    if poses and each:
+        first = next(iter(poses))
+        counts[first] = len(poses[first]) if is_listing(poses[first]) else 1
+    if len(set(counts.values())) > 1:
+        raise OptionError(f"as many values for each, not {', '.join(f'{n} for {key!r}' for key, n in counts.items())}")
+    count = next(iter(counts.values()), 0)
+    return poses, [{key: value[i] for key, value in each.items()} for i in range(count)], common
+
+
+def targets_of(problem: Problem, poses: Any, count: int) -> Targets:
+    """The poses of N calls, checked, those left out of tasks that are switched off. Raises `PoseError`."""
+    keys = problem.target_keys
+    if not keys and count:
+        return Targets(keys, np.empty((count, 0, 12)), np.zeros(count))
+    if isinstance(poses, Sequence) and poses and all(isinstance(one, Mapping) for one in poses):
+        return problem.targets([{key: value for key, value in each.items() if key in keys} for each in poses])
+    if isinstance(poses, Mapping):
+        poses = {key: value for key, value in poses.items() if key in keys}
+    return problem.targets(poses)
