@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import logging
+import math
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.arrays import is_listing, real_array
+from maira_qp.arrays import is_listing, is_native, real_array
 from maira_qp.errors import OptionError, PoseError, shown
 from maira_qp.orientation import (
     ORTHONORMAL_WITHIN,
@@ -21,6 +22,11 @@ from maira_qp.orientation import (
 from maira_qp.robots.unit_hints import degrees_hint_of_angles
 
 log = logging.getLogger(__name__)
+
+PLACE_WITHIN = 1e-9
+"""A rotation as near to one is good enough for where an obstacle is."""
+
+LAST = [0.0, 0.0, 0.0, 1.0]
 
 ROUNDED = "max |R R^T - I| of the target is %.2g: the nearest rotation is taken"
 
@@ -96,6 +102,21 @@ def as_pose(target: Any, name: str = "target", *, project: bool = False) -> pin.
     T = rigid(given, name, project=project)
     _tell(rounding_of(given), ROUNDED)
     return pin.SE3(T[:3, :3].copy(), T[:3, 3].copy())
+
+
+def as_place(value: Any, name: str) -> pin.SE3:
+    """`as_pose` for where a body is: at once if the rotation is one to `PLACE_WITHIN`. Raises `PoseError`."""
+    T = np.ascontiguousarray(value.homogeneous) if isinstance(value, pin.SE3) else value
+    if not is_native(T, (4, 4)):
+        return as_pose(value, name)
+    (a, b, c, x), (d, e, f, y), (g, h, i, z), last = T.tolist()
+    lengths = abs(a * a + b * b + c * c - 1), abs(d * d + e * e + f * f - 1), abs(g * g + h * h + i * i - 1)
+    angles = abs(a * d + b * e + c * f), abs(a * g + b * h + c * i), abs(d * g + e * h + f * i)
+    turned = a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)
+    off = max(*lengths, *angles)
+    if off < PLACE_WITHIN and turned > 0 and math.isfinite(x + y + z) and last == LAST:
+        return pin.SE3(T)
+    return as_pose(value, name)
 
 
 def deviation_of(quaternion: Any = None, matrix: Any = None) -> float:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.errors import ConfigurationError, OptionError, shown
+from maira_qp.errors import ConfigurationError, OptionError, listed, shown
 from maira_qp.problem.box import ChangeBox
 from maira_qp.problem.levels import TaskHierarchy
 from maira_qp.problem.limits.joint import AccelerationLimit, Limit, PositionLimit, Tick, VelocityLimit
@@ -24,7 +24,6 @@ from maira_qp.problem.options import Options
 from maira_qp.problem.qp.costs import LevelObjective, TaskCost, tasks_toward
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.targets import Poses, Targets, checked_starts, checked_target, checked_targets
-from maira_qp.problem.tasks.frame import TargetTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.joint_values import joint_array
@@ -68,8 +67,6 @@ class Problem:
             _check_type(value, (list, tuple), name, "a list")
         for limit in limits:
             _check_type(limit, Limit, "limit", "mq.LinearLimit(A, b)")
-            if getattr(limit, "needs_target", False):
-                raise OptionError(f"a {type(limit).__name__} among the limits needs a target of its own")
         hierarchy = TaskHierarchy.build(robot, task, tasks)
         if isinstance(redundancy, Weighted) and hierarchy.lower:
             raise OptionError(
@@ -112,6 +109,11 @@ class Problem:
         """Which of the parts count: problems in which the same ones do differ in numbers alone."""
         return tuple(not part.is_off for part in self.parts)
 
+    def differs_in_limits_alone(self, other: Problem) -> bool:
+        """Whether the other problem has the very same tasks and redundancy."""
+        same = self.hierarchy is other.hierarchy and self.redundancy is other.redundancy
+        return same and self.options is other.options and self.robot is other.robot and self.box is other.box
+
     def has_parts_of(self, other: Problem) -> bool:
         """Whether the other problem has the same parts, switched off or not, and its own have at most other data."""
         if self.is_active != other.is_active or type(self.redundancy) is not type(other.redundancy):
@@ -146,7 +148,11 @@ class Problem:
         """
         weights = {} if weights is None else weights
         check_known((*values, *weights), self.places)
-        parts, count = changed(self.parts, self.places, values, weights), len(self.hierarchy.parts)
+        return self._with_parts(changed(self.parts, self.places, values, weights))
+
+    def _with_parts(self, parts: tuple[Any, ...]) -> Problem:
+        """The problem with others in place of its parts."""
+        count = len(self.hierarchy.parts)
         tasks, wishes = parts[:count], parts[count : count + len(self.wishes)]
         hierarchy, redundancy = self.hierarchy, self.redundancy
         if not are_same(tasks, hierarchy.parts):
@@ -155,6 +161,40 @@ class Problem:
             redundancy = redundancy.of_parts(wishes)
         limits = parts[count + len(self.wishes) :]
         return Problem(self.robot, hierarchy, limits, redundancy, self.options, self.box, wishes)
+
+    def with_obstacles(self, poses: Mapping[str, Any]) -> Problem:
+        """The problem of a call in which obstacles stand elsewhere: poses by their names.
+
+        Raises `OptionError` for a name that no obstacle of a `CollisionLimit` has, and `PoseError`.
+        """
+        if not isinstance(poses, Mapping):
+            raise OptionError(f"obstacles of a call must be a mapping {{name: pose}}, got {shown(poses)}")
+        known, parts = self.obstacle_places, list(self.parts)
+        for name in poses:
+            if name not in known:
+                there = listed(tuple(known), name) if known else "no CollisionLimit has any"
+                raise OptionError(f"no obstacle {shown(name)}; {there}")
+        for i in {i for name in poses for i in known[name]}:
+            parts[i] = parts[i].with_obstacles({name: pose for name, pose in poses.items() if i in known[name]})
+        return self._with_parts(tuple(parts))
+
+    @cached_property
+    def obstacle_places(self) -> dict[str, tuple[int, ...]]:
+        """Which of the parts know an obstacle, by the names of all obstacles."""
+        names = [getattr(part, "obstacle_names", ()) for part in self.parts]
+        known = dict.fromkeys(name for each in names for name in each)
+        return {name: tuple(i for i, each in enumerate(names) if name in each) for name in known}
+
+    def toward(self, poses: Poses) -> Problem:
+        """The problem with its hard limits about the targets of a call, as far as they need some."""
+        if not self.limits_need_targets:
+            return self
+        return replace(self, additional_limits=tuple(limit.toward(poses) for limit in self.additional_limits))
+
+    @cached_property
+    def limits_need_targets(self) -> bool:
+        """Some hard limit is about a target of the call."""
+        return any(limit.target_key is not None for limit in self.additional_limits)
 
     def with_options(self, **changes: Any) -> Problem:
         """The same with some options changed."""
@@ -165,15 +205,16 @@ class Problem:
         """The tasks of the first level: what a solve is to reach."""
         return self.hierarchy.primary
 
-    @property
+    @cached_property
     def target_keys(self) -> tuple[str, ...]:
         """The K keys of the targets that a call needs to give: names of tasks, or of their frames."""
-        return self.hierarchy.target_keys
+        own = (limit.target_key for limit in self.additional_limits)
+        return tuple(dict.fromkeys((*self.hierarchy.target_keys, *(key for key in own if key is not None))))
 
     def followers(self, at: Configuration) -> list[pin.SE3]:
-        """The poses (K) that are to be the targets: of the first task of each key."""
-        tasks = [part for part in self.hierarchy.parts if isinstance(part, TargetTask) and not part.is_off]
-        first = {task.target_key: task for task in reversed(tasks)}
+        """The poses (K) that are to be the targets, or near them: of the first task or limit of each key."""
+        parts = [part for part in (*self.hierarchy.parts, *self.additional_limits) if not part.is_off]
+        first = {part.target_key: part for part in reversed(parts) if isinstance(part, (Task, Limit))}
         return [first[key].actual(at) for key in self.target_keys]
 
     @cached_property

@@ -39,6 +39,14 @@ def of_calls(engines: Engines, targets: Any, weights: Any = None) -> tuple[OfCal
     return [engines.with_problem(engines.problem.with_values(each)) for each in own], poses, len(own)
 
 
+def about_targets(of_each: OfCalls, asked: Targets) -> OfCalls:
+    """The engines of N calls with hard limits about the target of each, where some need it."""
+    if not len(asked) or not first_of(of_each).problem.limits_need_targets:
+        return of_each
+    each = [of_each] * len(asked) if isinstance(of_each, Engines) else of_each
+    return [one.about(asked[i]) for i, one in enumerate(each)]
+
+
 def first_of(of_each: OfCalls) -> Engines:
     """The engines of the first call."""
     return of_each if isinstance(of_each, Engines) else of_each[0]

@@ -156,7 +156,7 @@ class Engines:
         They are made of these where it differs in numbers: in targets, postures, weights, restarts. Where parts of it
         are switched off, or it has others, engines that are made for such problems are kept.
         """
-        if problem.is_active == self.problem.is_active:
+        if problem.differs_in_limits_alone(self.problem) or problem.is_active == self.problem.is_active:
             return Engines(problem, self.backend, self.is_compiled_wanted, self)
         others = self._of_other_parts
         if problem.is_active not in others:
@@ -177,6 +177,17 @@ class Engines:
         problem, poses = self.problem.of_call(target, weights)
         return self if problem is self.problem else self.with_problem(problem), poses
 
+    def with_obstacles(self, poses: Any) -> Engines:
+        """The engines of a call in which obstacles stand elsewhere, {name: pose} or None; see `Problem`."""
+        return self if poses is None else self.with_problem(self.problem.with_obstacles(poses))
+
+    def about(self, target: Any) -> Engines:
+        """The engines with hard limits about the target of a call, where some need it. Raises `PoseError`."""
+        if not self.problem.limits_need_targets:
+            return self
+        targets = target if isinstance(target, Targets) else self.problem.target(target)
+        return self.with_problem(self.problem.toward(targets.poses()))
+
     @cached_property
     def of_solves(self) -> Engines:
         """The engines of solves, which know nothing of tasks that ask for motion."""
@@ -188,6 +199,8 @@ class Engines:
         """Why the compiled engine cannot solve the problem, its additional limits aside; empty: it can."""
         if not self.is_compiled_wanted:
             return ASKED
+        if self._differs_in_limits_alone:
+            return self.donor._unsupported  # type: ignore[union-attr]
         from maira_qp.solvers.compiled.problem_arrays import unsupported  # heavy: Numba comes with it
 
         return unsupported(self.problem)
@@ -226,18 +239,22 @@ class Engines:
         return Compiled.build(self.problem) if given is None else given.of_problem(self.problem)
 
     @cached_property
+    def context(self) -> Context:
+        """The problem with who solves its QPs."""
+        return Context(self.problem, self.backend)
+
+    @cached_property
     def reference(self) -> ReferenceEngine:
         """Solves every problem, with the compiled engine where that helps."""
         compiled = self.compiled
-        context = Context(self.problem, self.backend)
-        return ReferenceEngine(context, None if self.refusal else compiled, compiled if self.refusal else None)
+        return ReferenceEngine(self.context, None if self.refusal else compiled, compiled if self.refusal else None)
 
     @cached_property
     def tick_refusal(self) -> str:
         """Why the compiled engine cannot take control ticks of the problem, its additional limits aside."""
         if not self.is_compiled_wanted:
             return ASKED
-        if self._differs_in_numbers:
+        if self._differs_in_limits_alone or self._differs_in_numbers:
             return self.donor.tick_refusal  # type: ignore[union-attr]
         from maira_qp.solvers.compiled.step import unsupported  # heavy: Numba comes with it
 
@@ -248,11 +265,18 @@ class Engines:
         """Takes the problem's control ticks but for its additional limits, if it can."""
         if self.tick_refusal:
             return None
+        if self._differs_in_limits_alone:
+            return self.donor.compiled_tick  # type: ignore[union-attr]
         if self._differs_in_numbers:
             return self.donor.compiled_tick.with_problem(self.problem)  # type: ignore[union-attr]
         from maira_qp.solvers.compiled.step import CompiledTick
 
         return CompiledTick.build(self.problem)
+
+    @cached_property
+    def _differs_in_limits_alone(self) -> bool:
+        """The problem has the donor's tasks and redundancy."""
+        return self.donor is not None and self.problem.differs_in_limits_alone(self.donor.problem)
 
     @cached_property
     def _differs_in_numbers(self) -> bool:
@@ -407,6 +431,9 @@ class Engines:
         """Why no path can be followed with this problem; empty: it can."""
         from maira_qp.solvers.paths.free_axis import hint
 
+        for limit in self.problem.additional_limits:
+            if limit.target_key is not None:
+                return f"its {type(limit).__name__} is about the target of a call, and needs a target of its own"
         return f"{self.refusal}{hint(self.problem)}" if self.following is None else ""
 
     def track(self, targets: Targets, q0: np.ndarray | None, seed: int, rules: Rules) -> PathSolution:
@@ -426,9 +453,7 @@ class Engines:
         done = None if self.compiled_tick is None else self.compiled_tick.tick(target, q, dt, velocity)
         if done is None:
             return None
-        if self.problem.additional_limits and not keeps_further_limits(
-            self.reference.context, q, done[0], dt, velocity
-        ):
+        if self.problem.additional_limits and not keeps_further_limits(self.context, q, done[0], dt, velocity):
             return None
         ahead, speed, position, orientation, status = done
         return step_of(
@@ -445,7 +470,7 @@ class Engines:
         self, q: np.ndarray, targets: Targets, now: Tick, deadline: float | None, keep_direction: bool
     ) -> Step:
         """A tick by the reference engine."""
-        at, context = self.problem.robot.at(q), self.reference.context
+        at, context = self.problem.robot.at(q), self.context
         cost, secondary = self.problem.costs_of_tick(targets.poses(), at, now)
         ahead, speed, status = tick(cost, secondary, at, context, now, deadline, keep_direction)
         aimed = TaskCost(tuple(task for task in cost.tasks if not task.is_of_ticks))
@@ -454,13 +479,13 @@ class Engines:
 
     def brake(self, q: np.ndarray, now: Tick) -> tuple[np.ndarray, np.ndarray]:
         """Configuration (n,) and velocity (n,) after a tick that stops the arm, or slows it as much as limits allow."""
-        return brake(self.problem.robot.at(q), self.reference.context, now)
+        return brake(self.problem.robot.at(q), self.context, now)
 
     def explain(self, solution: Solution) -> Explanation:
         """Why a solve ended as it did."""
         from maira_qp.solvers.analysis.explanation import explain
 
-        return explain(solution, self._poses(solution), self.reference.context, self._resolve)
+        return explain(solution, self._poses(solution), self.context, self._resolve)
 
     def _resolve(self, problem: Problem, poses: Poses, q0: np.ndarray) -> Solution:
         # in compiled code where that is possible, unless somebody else was asked for
@@ -470,7 +495,7 @@ class Engines:
     def jacobian(self, solution: Solution) -> np.ndarray:
         """The derivative (n, 6) of an answer by its target. Raises `SensitivityError`."""
         at = self.problem.robot.at(solution.q)
-        return dq_dtarget(self._poses(solution), at, self.reference.context, solution.success)
+        return dq_dtarget(self._poses(solution), at, self.context, solution.success)
 
     def proof(self, solution: Solution) -> Proof | None:
         """What proves that the target of a solution is out of reach."""

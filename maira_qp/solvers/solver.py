@@ -33,7 +33,7 @@ from maira_qp.results.solution import Solution
 from maira_qp.results.step import Step
 from maira_qp.robots.model.joint_values import joint_array, joint_values
 from maira_qp.robots.model.robot import Robot
-from maira_qp.solvers.calls import first_of, of_calls, targets_of
+from maira_qp.solvers.calls import about_targets, first_of, of_calls, targets_of
 from maira_qp.solvers.dispatch import Choice, Engines
 from maira_qp.solvers.selection import Demands, answer, answer_calls, answer_each, best_of, starts_of
 from maira_qp.solvers.tools import MOST_TOOLS, key_of, names_for, on_frames
@@ -225,6 +225,7 @@ class Solver(Shown):
         accept: Callable[[np.ndarray], bool] | None = None,
         max_joint_change: Any = None,
         weights: Mapping[str, float] | None = None,
+        obstacles: Mapping[str, Any] | None = None,
     ) -> Solution:
         """Compute joint values that put the tool at the target.
 
@@ -270,6 +271,7 @@ class Solver(Shown):
                 number, (n,), or {joint name: value} with others free [rad or m]. What is said of limits then holds
                 within that box, and `s.scope` says so: UNREACHABLE is no verdict on the arm itself.
             weights: {name: factor} for the weights of tasks and objectives in this call, >= 0; 0 switches one off.
+            obstacles: {name: pose}: where obstacles of a `CollisionLimit` stand in this call. Nothing is loaded again.
 
         Raises `PoseError`, `FrameError`, `ConfigurationError`, `OptionError` for invalid arguments; an outcome is a
         `Status`.
@@ -277,7 +279,7 @@ class Solver(Shown):
         seed = SEED_0 if rng is None else checked_seed(rng)
         check_callable(observe, "observe", OptionError)
         solver = self._for(tool)
-        engines, target = solver._of_call(solver.engines.of_solves, target, weights)
+        engines, target = solver._of_call(solver.engines.of_solves.with_obstacles(obstacles), target, weights)
         problem = engines.problem
         wishes = {"prefer": prefer, "metric": metric, "accept": accept, "max_joint_change": max_joint_change}
         demands = Demands.checked(self.robot, q0, observe=observe, **wishes)
@@ -285,10 +287,11 @@ class Solver(Shown):
         if starts is not None:
             placed = [solver._in_base(target, start, in_frame, base) for start in starts]
             each = zip(map(problem.target, placed), starts, strict=True)
-            return best_of([answer(engines, one, start, seed, demands, observe) for one, start in each])
+            return best_of([answer(engines.about(one), one, start, seed, demands, observe) for one, start in each])
         is_plain = in_frame is None and demands is None and is_native(q0, (self.robot.n,))
         start = q0 if is_plain else problem.start(q0)
         target = solver._in_base(target, start, in_frame, base)
+        engines = engines.about(target)
         if demands is None:
             return engines.solve(target, start, seed, observe)
         return answer(engines, problem.target(target), start, seed, demands, observe)
@@ -309,6 +312,7 @@ class Solver(Shown):
         accept: Callable[[np.ndarray], bool] | None = None,
         max_joint_change: Any = None,
         weights: Mapping[str, float] | None = None,
+        obstacles: Mapping[str, Any] | None = None,
     ) -> BatchSolution:
         """`solve` for each of N targets: `batch[i].q` is that of `solve(targets[i], q0, rng=seed)`.
 
@@ -325,8 +329,9 @@ class Solver(Shown):
             seed: non-negative integer.
             threads: number of threads of the compiled engine; None: one per processor. No answer depends on it.
             progress: callback, called from this thread with the number of targets that are done and their total.
-            prefer, metric, tool, in_frame, accept, max_joint_change, weights: as for `solve`; with `max_joint_change`
-                targets that share a start are solved together, and each start takes some milliseconds more.
+            prefer, metric, tool, in_frame, accept, max_joint_change, weights, obstacles: as for `solve`; with
+                `max_joint_change` targets that share a start are solved together, and each start takes some
+                milliseconds more.
             base: T_room_base as for `solve`, or (N, 4, 4) one for each target, or for one target.
 
         Raises `PoseError`, `ConfigurationError` or `OptionError`, naming the target, before anything is solved.
@@ -337,12 +342,12 @@ class Solver(Shown):
         solver = self._for(tool)
         if solver._renamed:
             targets, weights = (renamed(each, solver._renamed) for each in (targets, weights))
-        of_each, poses, count = of_calls(solver.engines.of_solves, targets, weights)
+        of_each, poses, count = of_calls(solver.engines.of_solves.with_obstacles(obstacles), targets, weights)
         problem, q = first_of(of_each).problem, None
         if in_frame is not None and q0 is not None:
             q = problem.starts(q0, len(targets_of(problem, poses, count)))
         asked = targets_of(problem, solver._in_base(poses, q, in_frame, base), count)
-        starts = problem.starts(q0, len(asked))
+        starts, of_each = problem.starts(q0, len(asked)), about_targets(of_each, asked)
         words = checked_seed(seed)
         wishes = {"prefer": prefer, "metric": metric, "accept": accept, "max_joint_change": max_joint_change}
         demands = Demands.checked(self.robot, starts, **wishes)
@@ -385,10 +390,10 @@ class Solver(Shown):
 
         solver = self._for(tool)
         engines, target = solver._of_call(solver.engines.of_solves, target)
-        redundancy, engine = engines.problem.redundancy, engines.reference
+        targets = engines.problem.target(solver._in_base(target, None, in_frame, base))
+        redundancy, engine = engines.problem.redundancy, engines.about(targets).reference
         objective = Posture() if redundancy is None else redundancy.objectives[0]
         seed = SEED_0 if rng is None else checked_seed(rng)
-        targets = engines.problem.target(solver._in_base(target, None, in_frame, base))
         return all_solutions(engine.context, engine.compiled, targets, objective.of(solver.robot), seed)
 
     def track(
@@ -490,6 +495,7 @@ class Solver(Shown):
         in_frame: str | None = None,
         base: Any = None,
         weights: Mapping[str, float] | None = None,
+        obstacles: Mapping[str, Any] | None = None,
     ) -> Step:
         """Compute one control step of dt [s] from q (n,) toward the target, within all limits.
 
@@ -506,7 +512,7 @@ class Solver(Shown):
                 all tasks by the same factor in [0, 1], which may be 0 at a limit of a joint; False: do what is nearest
                 to it by least squares, in whatever direction. Levels below move in the null space as ever. What a joint
                 must do to brake or to come back within limits goes before. By the reference engine.
-            tool, base, weights: as for `solve`.
+            tool, base, weights, obstacles: as for `solve`.
             in_frame: as for `solve`, the frame as it stands at q.
 
         Raises `PoseError`, `FrameError`, `ConfigurationError`, `OptionError`.
@@ -524,8 +530,9 @@ class Solver(Shown):
             q = self.robot.configuration(q)
         if isinstance(velocity, Mapping):
             velocity = joint_array(velocity, self.robot.joint_names, "velocity")
-        engines, target = solver._of_call(solver.engines, target, weights)
+        engines, target = solver._of_call(solver.engines.with_obstacles(obstacles), target, weights)
         target = solver._in_base(target, q, in_frame, base)
+        engines = engines.about(target)
         by_reference = deadline is not None or keep_direction
         step = None if by_reference else engines.compiled_step(q, target, float(dt), velocity)
         if step is not None:

@@ -16,7 +16,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
@@ -25,6 +26,8 @@ import numpy as np
 from maira_qp.arrays import is_listing, real_array
 from maira_qp.errors import OptionError, listed, shown
 from maira_qp.problem.limits.joint import KEPT, Limit, Tick
+from maira_qp.problem.limits.placement import braking_gain
+from maira_qp.problem.pose import as_place
 from maira_qp.robots.collision.levers import levers
 from maira_qp.robots.collision.link_shapes import link_shapes
 from maira_qp.robots.collision.pairs import NamePair, always_near, movable_pairs, named_pairs, srdf_pairs, without
@@ -62,8 +65,9 @@ class CollisionLimit(Limit):
     The robot's shapes are the `<collision>` elements of its URDF, with convex hulls for meshes.
     """
 
-    obstacles: Sequence[Shape] = ()
-    """What stands around the robot, in the base: `Sphere`, `Box`, `Capsule`, `Cylinder`, `Mesh`."""
+    obstacles: Any = ()
+    """What stands around the robot, in the base: `Sphere`, `Box`, `Capsule`, `Cylinder`, `Mesh`, in a sequence or by
+    their names, {"ball": mq.Sphere(0.1)}. One that has a name may stand elsewhere in a call."""
     margin: float = 0.01
     """Distance that every pair keeps [m]; >= 0"""
     influence: float = 0.1
@@ -80,6 +84,8 @@ class CollisionLimit(Limit):
     """Directories in which `package://` and relative mesh files are sought."""
     missing: Literal["error", "ignore"] = "error"
     """What happens if a mesh of the robot is not found: an `OptionError`, or it is left out with a warning."""
+    name: str | None = None
+    """What calls call it by; None: "collision_limit"."""
     gain: float = 10.0
     """After a tick, a pair approaches at no more than `gain (distance - margin)` [1/s]; > 0. Less where accelerations
     are limited."""
@@ -119,6 +125,37 @@ class CollisionLimit(Limit):
         if allowed:
             scene = Scene(robot, parts, without(pairs, parts, allowed))
         return replace(self, _scene=scene, _braking=_braking(robot, own, self.gain))
+
+    @property
+    def obstacle_names(self) -> tuple[str, ...]:
+        """What a call may move."""
+        return tuple(obstacle.name for obstacle in self.obstacles)
+
+    def with_value(self, value: Any) -> CollisionLimit:
+        """The limit with obstacles elsewhere: {name: pose}. Raises `OptionError`, `PoseError`."""
+        if not isinstance(value, Mapping):
+            raise OptionError(f"obstacles of a call must be a mapping {{name: pose}}, got {shown(value)}")
+        return self.with_obstacles(value)
+
+    def with_obstacles(self, poses: Mapping[str, Any]) -> CollisionLimit:
+        """The limit, made for a robot, with obstacles elsewhere: poses by their names. Nothing is loaded again.
+
+        Raises `OptionError` for a name that no obstacle has, and `PoseError`.
+        """
+        names = self.obstacle_names
+        places, obstacles = {}, list(self.obstacles)
+        own = len(self.scene.parts) - len(names)
+        for name, pose in poses.items():
+            if name not in names:
+                raise OptionError(f"no obstacle {shown(name)}; {listed(names, name)}")
+            k = names.index(name)
+            places[own + k] = as_place(pose, f"pose of {name!r}")
+            obstacles[k] = copy(obstacles[k])
+            object.__setattr__(obstacles[k], "pose", places[own + k])
+        limit = copy(self)
+        object.__setattr__(limit, "obstacles", tuple(obstacles))
+        object.__setattr__(limit, "_scene", self.scene.moved(places))
+        return limit
 
     def _obstacle_parts(self, robot: Robot) -> list[Part]:
         """The obstacles as parts that do not move."""
@@ -292,12 +329,8 @@ class _Braking:
 
 
 def _braking(robot: Robot, own: Sequence[Part], gain: float) -> _Braking:
-    """Of a robot with these parts; joints without a limit of their speed do not narrow the gain."""
-    acceleration = robot.acceleration_limit
-    limited = np.isfinite(acceleration) & np.isfinite(robot.velocity_limit) & (robot.velocity_limit > 0)
-    if limited.any():
-        gain = min(gain, float((acceleration[limited] / robot.velocity_limit[limited]).min()))
-    return _Braking(gain, levers(robot.model, own), acceleration)
+    """Of a robot with these parts."""
+    return _Braking(braking_gain(robot, gain), levers(robot.model, own), robot.acceleration_limit)
 
 
 # What callers give
@@ -305,8 +338,15 @@ def _braking(robot: Robot, own: Sequence[Part], gain: float) -> _Braking:
 
 def _named_obstacles(obstacles: Any) -> tuple[Shape, ...]:
     """The obstacles, each with a name of its own. Raises `OptionError`."""
+    if isinstance(obstacles, Mapping):
+        obstacles = [
+            replace(one, name=name) if isinstance(one, Shape) else one  # type: ignore[type-var]
+            for name, one in obstacles.items()
+        ]
     if isinstance(obstacles, Shape) or not is_listing(obstacles):
-        raise OptionError(f"obstacles of a CollisionLimit must be a sequence of shapes, not {shown(obstacles)}")
+        raise OptionError(
+            f"obstacles of a CollisionLimit must be shapes in a sequence, or by their names, not {shown(obstacles)}"
+        )
     obstacles = tuple(obstacles)
     named: list[Shape] = []
     for count, obstacle in enumerate(obstacles, start=1):

@@ -125,6 +125,15 @@ class Limit:
         """The same limit with its target out of these, which are not checked again."""
         return self
 
+    @property
+    def obstacle_names(self) -> tuple[str, ...]:
+        """The bodies around the robot that a call may move."""
+        return ()
+
+    def with_obstacles(self, poses: Mapping[str, Any]) -> Limit:
+        """The limit, bound to a robot, with some of these elsewhere. Raises `OptionError`, `PoseError`."""
+        return self
+
     def of(self, robot: Robot) -> Limit:
         """The limit with everything that depends on the robot filled in and checked. Raises `OptionError`."""
         return self

@@ -83,7 +83,7 @@ class PoseRange(TargetLimit):
         E = self._axes
         D = np.zeros((3, 6))
         D[:, :3] = E.T
-        h, rows = self._places.room(E.T @ (T.translation - self.target.translation), D)
+        h, rows = self._places.room(E.T @ (T.translation - self.aim.translation), D)
         if not self._turns.bounded.any():
             return h, rows
         x, first, _ = self._turned(T)
@@ -101,14 +101,14 @@ class PoseRange(TargetLimit):
     @property
     def _axes(self) -> np.ndarray:
         """The axes (3, 3) of the deviation, in columns, in the base."""
-        return self.target.rotation if self.axes == "target" else np.eye(3)
+        return self.aim.rotation if self.axes == "target" else np.eye(3)
 
     def _turned(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The tilts and the turn (3,) in the order of the axes, and their derivatives (3, 3) and (3, 3, 3)."""
         k = AXES.index(self.about)
         order = [(k + 1) % 3, (k + 2) % 3, k]
         E = self._axes[:, order]  # the turn is about the last of these
-        Q = E.T @ T.rotation @ self.target.rotation.T @ E
+        Q = E.T @ T.rotation @ self.aim.rotation.T @ E
         x, first, second = np.empty(3), np.empty((3, 3)), np.empty((3, 3, 3))
         x[order[:2]], first[order[:2]], second[order[:2]] = tilt(Q[:, 2])
         x[k], first[k], second[k] = turn_about_z(Q)
@@ -175,5 +175,5 @@ class ConeLimit(TargetLimit):
         return S
 
     def _angle(self, T: pin.SE3) -> tuple[float, np.ndarray, np.ndarray]:
-        direction = self.target.rotation @ self.axis if self.direction is None else self.direction
+        direction = self.aim.rotation @ self.axis if self.direction is None else self.direction
         return angle(T.rotation @ self.axis, direction)

@@ -4,9 +4,9 @@ With the twist [v; w] of the frame in base axes and `D = dh/d[p; phi]`, phi the 
 
     G = -D J,      dG weighted by y:  -(pose's second derivative weighted by D^T y) - J^T S J
 
-S being the second derivative of `y . h` by [p; phi]. A frame that is offset by r from a link has the point
-`p + exp(phi) r`, which adds `sym(u r^T) - (u . r) I` to S, u the pull on the point. In a tick in which joints must
-brake, what is left of the room is approached as an obstacle is: at no more than `gain` times it (see `collision`).
+S being the second derivative of `y . h` by [p; phi]. T is the pose of the frame's offset, where it has one. In a tick
+in which joints must brake, what is left of the room is approached as an obstacle is: at no more than `gain` times it
+(see `collision`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,6 @@ import pinocchio as pin
 
 from maira_qp.arrays import is_listing, real_array
 from maira_qp.errors import OptionError, shown
-from maira_qp.orientation import skew
 from maira_qp.problem.limits.joint import KEPT, Limit, Tick
 from maira_qp.problem.pose import as_pose
 from maira_qp.robots.model.configuration import Configuration
@@ -72,10 +71,9 @@ class FrameLimit(Limit):
         frame = robot.tip if self.frame is None else self.frame
         return replace(self, frame=frame)
 
-    def placement(self, at: Configuration) -> pin.SE3:
+    def actual(self, at: Configuration) -> pin.SE3:
         """Where the frame, with its offset, is."""
-        placement = at.placement(self.frame)
-        return placement if self.offset is None else placement * self.offset
+        return at.placement(self.frame, self.offset)
 
     def _with(self, **values: Any) -> Any:
         """The same with some fields, which are not checked again."""
@@ -83,16 +81,6 @@ class FrameLimit(Limit):
         for name, value in values.items():
             object.__setattr__(changed, name, value)
         return changed
-
-    def _lever(self, at: Configuration) -> np.ndarray:
-        """From the frame's origin to the offset's (3,) [m], base axes."""
-        return at.placement(self.frame).rotation @ self.offset.translation
-
-    def _of_frame(self, D: np.ndarray, at: Configuration) -> np.ndarray:
-        """Derivatives D (m, 6) by the twist of the offset as those by the frame's."""
-        if self.offset is None:
-            return D
-        return np.hstack([D[:, :3], D[:, 3:] - D[:, :3] @ skew(self._lever(at))])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -130,8 +118,8 @@ class PlacementLimit(FrameLimit):
         """G (m, n) and h (m,), h negative where the frame is outside."""
         kept = at.kept.get((id(self), "rows"))
         if kept is None:
-            h, D = self.room(self.placement(at))
-            kept = at.kept[id(self), "rows"] = (self, (-self._of_frame(D, at) @ at.jacobian(self.frame), h))
+            h, D = self.room(self.actual(at))
+            kept = at.kept[id(self), "rows"] = (self, (-D @ at.jacobian(self.frame, self.offset), h))
         G, h = kept[1]
         if tick is None or self._gain == math.inf:
             return G, h
@@ -159,16 +147,9 @@ class PlacementLimit(FrameLimit):
         """`sum_k multipliers_k dG_k/dq` (n, n), exact; multipliers (m,)."""
         if not multipliers.any():
             return np.zeros((at.n, at.n))
-        T, J = self.placement(at), at.jacobian(self.frame)
+        T, J = self.actual(at), at.jacobian(self.frame, self.offset)
         pull, S = multipliers @ self.room(T)[1], self.bend(T, multipliers)
-        if self.offset is not None:
-            r = self._lever(at)
-            A = np.eye(6)
-            A[:3, 3:] = -skew(r)
-            S, u = A.T @ S @ A, pull[:3]
-            S[3:, 3:] += 0.5 * (np.outer(u, r) + np.outer(r, u)) - (u @ r) * np.eye(3)
-            pull = A.T @ pull
-        return -at.kinematic_hessian_product(self.frame, pull) - J.T @ S @ J
+        return -at.kinematic_hessian_product(self.frame, pull, self.offset) - J.T @ S @ J
 
     def broken(self, at: Configuration, name: str) -> dict[str, float]:
         """The rows that are broken, such as "BoxLimit x upper", and by how much [m or rad]."""
@@ -187,6 +168,7 @@ class TargetLimit(PlacementLimit):
 
     target: Any = None
     """Pose in the base: `pin.SE3` or (4, 4) array; None: the target that the solver is called with."""
+    _aim: Any = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -195,7 +177,7 @@ class TargetLimit(PlacementLimit):
 
     @property
     def needs_target(self) -> bool:
-        """There is nothing yet that the limit is about."""
+        """Nothing of its own says what the limit is about."""
         return self.target is None
 
     @property
@@ -204,8 +186,13 @@ class TargetLimit(PlacementLimit):
         return self.key if self.needs_target else None
 
     def toward(self, targets: Mapping[str, pin.SE3]) -> TargetLimit:
-        """The same with the target of its frame, if it needs one."""
-        return self._with(target=targets[self.key]) if self.needs_target else self  # type: ignore[index]
+        """The same about the target of its key, if it needs one."""
+        return self._with(_aim=targets[self.key]) if self.needs_target else self
+
+    @property
+    def aim(self) -> pin.SE3:
+        """The pose that the limit is about: its own target, or that of the call."""
+        return self._aim if self.target is None else self.target
 
 
 def braking_gain(robot: Robot, gain: float = math.inf) -> float:

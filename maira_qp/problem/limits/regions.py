@@ -133,7 +133,8 @@ class DistanceLimit(TargetLimit):
     @property
     def labels(self) -> tuple[str, ...]:
         """A row for each end that limits anything."""
-        return ("lower",) * (self._ends[0] > 0) + ("upper",) * (self._ends[1] < math.inf)
+        low, high = self._ends
+        return ("lower",) * int(low > 0) + ("upper",) * int(high < math.inf)
 
     def room(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
         """The distance from each end (m,)."""
@@ -157,6 +158,6 @@ class DistanceLimit(TargetLimit):
 
     def _away(self, T: pin.SE3) -> tuple[float, np.ndarray]:
         """The distance [m] and the direction (3,) from the point; any direction at the point itself."""
-        away = T.translation - (self.target.translation if self.point is None else self.point)
+        away = T.translation - (self.aim.translation if self.point is None else self.point)
         distance = math.hypot(*away.tolist())
         return (distance, away / distance) if distance > NEAR else (NEAR, np.array([0.0, 0.0, 1.0]))

@@ -14,7 +14,7 @@ import numpy as np
 
 from maira_qp.arrays import is_listing, is_number
 from maira_qp.errors import OptionError, shown
-from maira_qp.orientation import orientation_error, skew
+from maira_qp.orientation import orientation_error
 from maira_qp.problem.limits.joint import Tick
 from maira_qp.problem.limits.placement import FrameLimit
 from maira_qp.robots.model.configuration import Configuration
@@ -57,18 +57,11 @@ class ToolSpeedLimit(FrameLimit):
         if not dq.any():
             return 0.0
         there = at.moved(dq)
-        before, after = self.placement(at), self.placement(there)
+        before, after = self.actual(at), self.actual(there)
         ways, turns = [after.translation - before.translation], [orientation_error(before.rotation, after.rotation)]
         for each in (at, there):
-            twist = self._twist(each, dq)
+            twist = each.jacobian(self.frame, self.offset) @ dq
             ways.append(twist[:3])
             turns.append(twist[3:])
         linear, angular = (max(math.hypot(*each.tolist()) for each in motions) for motions in (ways, turns))
         return max(linear / self.linear, angular / self.angular) / tick.dt
-
-    def _twist(self, at: Configuration, dq: np.ndarray) -> np.ndarray:
-        """The twist (6,) of the offset frame for a displacement dq (n,), base axes."""
-        twist = at.jacobian(self.frame) @ dq
-        if self.offset is not None:
-            twist[:3] -= skew(self._lever(at)) @ twist[3:]
-        return twist

@@ -62,9 +62,22 @@ class LimitTask(Task):
             return self
         return self._limited(self.limit.toward({self.limit.key: targets[self.key]}))
 
+    def actual(self, at: Configuration) -> pin.SE3:
+        """The pose that is to be near the target that the limit takes from the call."""
+        return self.limit.actual(at)  # type: ignore[attr-defined,no-any-return]
+
     def with_value(self, value: Any) -> LimitTask:
         """The same with another datum of its limit. Raises what that raises."""
         return self._limited(self.limit.with_value(value))
+
+    @property
+    def obstacle_names(self) -> tuple[str, ...]:
+        """Those of the limit."""
+        return self.limit.obstacle_names
+
+    def with_obstacles(self, poses: Mapping[str, Any]) -> LimitTask:
+        """The same with obstacles of its limit elsewhere. Raises what that raises."""
+        return self._limited(self.limit.with_obstacles(poses))
 
     def _limited(self, limit: Limit) -> LimitTask:
         task = copy(self)

@@ -14,7 +14,7 @@ less than bounding spheres in numpy with a call for each pair that they leave.
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -112,23 +112,44 @@ class Scene:
             np.empty(0, dtype=int), np.empty(0), np.empty((0, 3)), np.empty((0, 3)), np.empty((0, robot.n))
         )
         self._per_thread = _PerThread(robot.model, self._model)
+        self._moved: tuple[tuple[int, pin.SE3], ...] = ()
 
     def __reduce__(self) -> tuple[type[Scene], tuple[Robot, tuple[Part, ...], tuple[tuple[int, int], ...]]]:
         return Scene, (self.robot, self.parts, self.pairs)
+
+    def moved(self, places: Mapping[int, pin.SE3]) -> Scene:
+        """The same scene with some of the parts that do not move with the robot elsewhere: placements by their index.
+
+        It shares all else, working memory too.
+        """
+        scene = Scene.__new__(Scene)
+        scene.__dict__.update(self.__dict__)
+        parts = list(self.parts)
+        for index, place in places.items():
+            parts[index] = parts[index]._replace(placement=place)
+        scene.parts = tuple(parts)
+        scene._moved = tuple({**dict(self._moved), **places}.items())
+        return scene
 
     def contacts(self, q: np.ndarray, reach: float) -> Contacts:
         """The pairs nearer than `reach` [m] at q (n,); kept for as long as the thread asks for the same q."""
         memory = self._per_thread
         known = memory.q is q or (memory.q is not None and np.array_equal(memory.q, q))
-        if not known or memory.reach < reach:
+        if not known or memory.moved is not self._moved or memory.reach < reach:
             memory.q = None  # nobody's, until it is done
             memory.contacts = self._found(q, reach, memory)
-            memory.q, memory.reach = q.copy(), reach
+            memory.q, memory.reach, memory.moved = q.copy(), reach, self._moved
         return memory.contacts if memory.reach == reach else memory.contacts.within(reach)
 
     def _found(self, q: np.ndarray, reach: float, memory: _PerThread) -> Contacts:
         geometry, results = memory.queries(reach)
-        pin.computeCollisions(self.robot.model, memory.data, self._model, geometry, q, False)
+        if self._moved:
+            pin.updateGeometryPlacements(self.robot.model, memory.data, self._model, geometry, q)
+            for index, place in self._moved:
+                geometry.oMg[index] = place
+            pin.computeCollisions(self._model, geometry, False)
+        else:
+            pin.computeCollisions(self.robot.model, memory.data, self._model, geometry, q, False)
         hits = [index for index, hit in enumerate(map(_is_near, results)) if hit]
         if not hits:
             return self._none
@@ -180,6 +201,7 @@ class _PerThread(threading.local):
         self.data = model.createData()
         self.q: np.ndarray | None = None
         self.reach = 0.0
+        self.moved: tuple[tuple[int, pin.SE3], ...] = ()
         self.contacts: Contacts
         self._geometry_model = geometry_model
         self._queries: dict[float, tuple[pin.GeometryData, list[coal.CollisionResult]]] = {}

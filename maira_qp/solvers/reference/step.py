@@ -492,7 +492,7 @@ def _violations_ahead(at: Configuration, dq: np.ndarray, context: Context, now: 
 
 
 def _with_a_way_to_stop(bounds: Bounds, at: Configuration, context: Context, now: Tick) -> Bounds:
-    """The bounds with that way to slow down as their `rest` which breaks bent limits least: apart or together.
+    """The bounds with that way to slow down as their `rest` which breaks bent limits least further: apart or together.
 
     The last tick was allowed because one of them breaks none, which linearised limits do not know. In the second place
     counts the pace that limits on speeds allow: joints whose motions cancel at the tool brake together.
@@ -504,11 +504,12 @@ def _with_a_way_to_stop(bounds: Bounds, at: Configuration, context: Context, now
     if bounds.braking is None and (together := slowed_together(bounds, now.velocity * now.dt)) is not None:
         ways.append(together)
 
+    here = context.violations(at) if context.is_bent else np.empty(0)
+
     def harm(way: np.ndarray) -> tuple[float, float]:
-        broken = 0.0
-        if context.is_bent:
-            broken = float(min(_violations_ahead(at.moved(way), way, context, now), key=np.sum).sum())
-        return broken, max(1.0, context.pace(at, way, now))
+        ends = _violations_ahead(at.moved(way), way, context, now) if context.is_bent else ()
+        growth = min((float(np.maximum(ahead - here, 0.0).sum()) for ahead in ends), default=0.0)
+        return growth, max(1.0, context.pace(at, way, now))
 
     best = min(ways, key=harm)
     return bounds if best is ways[0] else replace(bounds, braking=best, h=np.maximum(bounds.h, bounds.G @ best))
