@@ -67,10 +67,9 @@ def _of_descriptions(name: str) -> Path:
     if name not in known:
         raise RobotError(f"{DESCRIPTIONS} has no {name!r}; {listed(known, name, limit=8)}")
     if not _is_downloaded(getattr(known[name], "repository", None)):
-        short = name.removesuffix("_description")
         raise RobotError(
             f"the files of {name!r} are not on this machine, and are not downloaded unasked: "
-            f"python -m robot_descriptions pull {name} (or import robot_descriptions.{short}_description)"
+            f"python -m robot_descriptions pull {name}"
         )
     module: ModuleType = importlib.import_module(f"{DESCRIPTIONS}.{name}")
     path = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
