@@ -11,6 +11,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from maira_qp.arrays import is_number
@@ -52,7 +53,12 @@ class Off:
 
 def word_for(part: object) -> str:
     """The word for a part's class: "swivel" for a `SwivelTask`, "limit_distance" for `LimitDistance`."""
-    name = type(part).__name__.removesuffix("Task").lstrip("_") or type(part).__name__
+    return _word_of(type(part).__name__)
+
+
+@cache
+def _word_of(kind: str) -> str:
+    name = kind.removesuffix("Task").lstrip("_") or kind
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
 
 

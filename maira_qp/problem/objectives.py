@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from maira_qp.arrays import is_listing, is_number, real_array, semidefinite_matrix
+from maira_qp.arrays import is_listing, is_native, is_number, real_array, semidefinite_matrix
 from maira_qp.errors import OptionError, listed, shown
 from maira_qp.problem.naming import NO_DATUM, check_name, word_for
 from maira_qp.robots.model.configuration import Configuration
@@ -125,10 +125,12 @@ class Posture(Objective):
 
     def with_value(self, value: Any) -> Posture:
         """The same with another reference configuration (n,). Raises `OptionError`."""
+        if is_native(value, self.q_ref.shape) and np.isfinite(value).all():
+            q_ref = value.copy()
+        else:
+            q_ref = real_array(value, self.q_ref.shape, f"reference of {self.key!r}", OptionError)
         posture = copy(self)
-        object.__setattr__(
-            posture, "q_ref", real_array(value, self.q_ref.shape, f"reference of {self.key!r}", OptionError)
-        )
+        object.__setattr__(posture, "q_ref", q_ref)
         return posture
 
     @property
