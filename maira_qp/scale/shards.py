@@ -65,14 +65,14 @@ class Shards:
         np.savez(content, allow_pickle=False, **arrays)
         data = content.getvalue()
         with replacing(self.path(shard)) as file:
-            file.write(CHECKSUM(data).digest() + data)
+            file.write(self._checksum(shard, data) + data)
 
     def read(self, shard: Shard) -> dict[str, np.ndarray]:
         """The arrays of a shard. Raises `DamagedShard`, `OSError`."""
         path = self.path(shard)
         content = path.read_bytes()
         data = content[CHECKSUM().digest_size :]
-        if content[: CHECKSUM().digest_size] != CHECKSUM(data).digest():
+        if content[: CHECKSUM().digest_size] != self._checksum(shard, data):
             raise DamagedShard(path)
         try:
             with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
@@ -80,6 +80,10 @@ class Shards:
         except (ValueError, zipfile.BadZipFile):
             raise DamagedShard(path) from None
         return found
+
+    def _checksum(self, shard: Shard, data: bytes) -> bytes:
+        """Of the content and of what it answers: a file under another's name is as damaged as one that was changed."""
+        return CHECKSUM(f"{self._digest} {shard.first} {shard.last} ".encode() + data).digest()
 
     def there(self) -> list[Shard]:
         """The shards of the job that have a file, in order; they may overlap, where work was cut anew."""

@@ -1,4 +1,4 @@
-"""Where a tool of one orientation can be, on a plane."""
+"""Where a tool can be, on a plane: of one orientation, or of a map of many."""
 
 from __future__ import annotations
 
@@ -35,6 +35,22 @@ def reach_slice(ax: Axes, x: np.ndarray, y: np.ndarray, status: np.ndarray, *, a
         for fill, name, share in zip(FILLS, NAMES, shares, strict=True)
     ]
     finish(ax, handles)
+    ax.grid(False)
+
+
+@styled
+def map_slice(
+    ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, *, axes: str = "xz", label: str = "reachable"
+) -> None:
+    """The plane of cells x (K,) by y (L,) [m] of a map by a quantity (L, K), with a scale; cells with NaN are white.
+
+    `map_slice(ax, cut.x, cut.y, cut.values)` draws what `ReachMap.slice` gives. `axes` are the names of the plane's two
+    axes, `label` what the scale says.
+    """
+    drawn = ax.pcolormesh(x, y, np.ma.masked_invalid(values), cmap="cividis", rasterized=True)
+    ax.set_aspect("equal")
+    ax.set(xlabel=f"{axes[0]} [m]", ylabel=f"{axes[1]} [m]")
+    ax.figure.colorbar(drawn, ax=ax, label=label.replace("_", " "))
     ax.grid(False)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from concurrent.futures import CancelledError
 from typing import Any
 
 from maira_qp.errors import JobError, OptionError
@@ -33,14 +34,13 @@ class DaskCluster(Engine):
     def run(self, work: Work, plan: Plan, done: Done) -> None:
         """See `Engine.run`. Raises `JobError` where the scheduler is not reached, or is lost."""
         from distributed import Client
-        from distributed.client import FutureCancelledError
 
         place: dict[str, Any] = {"address": self._address} if self._address else self._own()
         try:
             with Client(**place, set_as_default=False, timeout=TIMEOUT) as client, client.as_current():
                 self._run(client, work, plan, done)
-        except FutureCancelledError as reason:
-            raise JobError(f"the scheduler of Dask was lost: {reason}") from None
+        except CancelledError as reason:
+            raise JobError(f"the scheduler of Dask was lost: {' '.join(str(reason).split())[:300]}") from None
         except OSError as reason:
             if reason.errno is not None and not isinstance(reason, TimeoutError):
                 raise  # of a file

@@ -262,6 +262,18 @@ def test_a_reach_slice_is_coloured_by_status(axes):
     assert np.diff(sorted(greys)).min() > 0.15  # told apart in grey
 
 
+def test_a_plane_of_a_map_has_a_scale_and_nothing_where_nothing_is_known(axes):
+    plots.map_slice(
+        axes, np.arange(3.0), np.arange(2.0), np.array([[0, 0.5, 1], [np.nan, 1, 0]]), axes="xy", label="a_b"
+    )
+    mesh = axes.collections[0]
+    np.testing.assert_array_equal(np.ma.getmaskarray(mesh.get_array()).ravel(), [False] * 3 + [True] + [False] * 2)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
+    scale = next(other for other in axes.figure.axes if other is not axes)
+    assert scale.get_ylabel() == "a b"
+    assert scale.get_ylim() == (0.0, 1.0)
+
+
 def test_a_reach_slice_asks_for_every_cell(maira):
     """Each cell has the verdict of its own pose, the window holds what can be reached, progress comes to its end."""
     told, rotation = [], np.diag([1.0, -1.0, -1.0])

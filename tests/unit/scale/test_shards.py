@@ -55,13 +55,16 @@ def test_shards_of_another_job_are_none_of_this_one(shards, tmp_path):
     assert shards.gaps(0, 4) == [shard]
 
 
-@pytest.mark.parametrize("damage", ["cut", "flipped", "empty"])
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "swapped"])
 def test_damage_is_found(shards, damage):
     shard = Shard(0, 50)
     shards.write(shard, arrays(shard))
+    other = Shard(50, 100)
+    shards.write(other, arrays(other))
+    swapped = shards.path(other).read_bytes()
     content = bytearray(shards.path(shard).read_bytes())
     content[len(content) // 2] ^= 1
-    shards.path(shard).write_bytes({"cut": content[:-1], "flipped": content, "empty": b""}[damage])
+    shards.path(shard).write_bytes({"cut": content[:-1], "flipped": content, "empty": b"", "swapped": swapped}[damage])
     with pytest.raises(DamagedShard, match="checksum"):
         shards.read(shard)
     assert list(shards.damaged()) == [shards.path(shard)]
