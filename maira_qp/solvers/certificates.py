@@ -83,11 +83,14 @@ class Proofs:
         srs = of_arm.of_boxed(problem.robot)
         return replace(self, problem=problem, chain=chain, srs=srs_array(srs), span=np.array(srs.span))
 
-    def unreachable(self, rows: np.ndarray) -> np.ndarray:
-        """Which of the poses (N, 12) are proved to be out of reach, (N,) of bool; the others may be."""
+    def unreachable(self, rows: np.ndarray, most_boxes: int = MOST_BOXES) -> np.ndarray:
+        """Which of the poses (N, 12) are proved to be out of reach, (N,) of bool; the others may be.
+
+        A proof by boxes takes at most so many.
+        """
         if self.srs is not None:
             return self._verdicts(rows) != POSSIBLE
-        return self._excluded(rows, np.empty((0, 2 * self.problem.robot.n + 2))) > 0
+        return self._excluded(rows, np.empty((0, 2 * self.problem.robot.n + 2)), most_boxes) > 0
 
     def proof(self, poses: Poses) -> Proof | None:
         """Why the target of the tip cannot be reached, if that can be proved."""
@@ -125,7 +128,7 @@ class Proofs:
         verdicts(self.srs, rows, near, turn, *INTERVALS.empty(), pieces, codes)
         return codes
 
-    def _excluded(self, rows: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    def _excluded(self, rows: np.ndarray, boxes: np.ndarray, most_boxes: int = MOST_BOXES) -> np.ndarray:
         excluded = np.empty(len(rows), np.int64)
-        exclude(self.chain, self.points, self.pivots, self.turn, rows, MOST_BOXES, boxes, excluded)
+        exclude(self.chain, self.points, self.pivots, self.turn, rows, most_boxes, boxes, excluded)
         return excluded

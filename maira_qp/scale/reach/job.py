@@ -57,6 +57,8 @@ class ReachJob(Job):
     """this [m]; None: no bound is known"""
     options: Mapping[str, Any]
     """Of the solver, see `Options`"""
+    proof_boxes: int | None
+    """See `ReachJob.of`"""
     seed: int
 
     kind = "reach"
@@ -75,6 +77,7 @@ class ReachJob(Job):
         rolls: int = 1,
         box: Sequence[Sequence[float]] | None = None,
         options: Options | None = None,
+        proof_boxes: int | None = None,
         seed: int = 0,
     ) -> ReachJob:
         """The job of mapping what the tip of a robot reaches.
@@ -86,6 +89,8 @@ class ReachJob(Job):
             rolls: about each of them, uniform over a turn, >= 1.
             box: ((x0, x1), (y0, y1), (z0, z1)) [m], which the grid will cover; None: all that can be reached.
             options: of the solver.
+            proof_boxes: for arms that are no S-R-S arms: boxes of joint values that the proof that a pose is out of
+                reach may take, >= 0; 0: no proofs, which there take nearly all of the time; None: as in a solve.
             seed: of the solver's random starts.
 
         Raises `OptionError` for values out of range, for a robot with several tips, and without a box for one whose
@@ -98,6 +103,8 @@ class ReachJob(Job):
         for name, value in (("directions", directions), ("rolls", rolls)):
             if not is_count(value, 1):
                 raise OptionError(f"{name} must be a positive whole number, got {shown(value)}")
+        if proof_boxes is not None and not is_count(proof_boxes):
+            raise OptionError(f"proof_boxes must be a non-negative whole number, got {shown(proof_boxes)}")
         if not is_count(seed):
             raise OptionError(f"seed must be a non-negative whole number, got {shown(seed)}")
         centre, radius = reach_bound(robot)
@@ -120,6 +127,7 @@ class ReachJob(Job):
             centre=(float(centre[0]), float(centre[1]), float(centre[2])),
             radius=radius,
             options=asdict(options or Options()),
+            proof_boxes=proof_boxes,
             seed=int(seed),
         )
 
@@ -170,7 +178,8 @@ class ReachJob(Job):
             targets = np.zeros((len(near), orientations, 4, 4))
             targets[..., :3, :3] = self.orientations.rotations.reshape(-1, 3, 3)
             targets[..., :3, 3], targets[..., 3, 3] = points[near, None], 1.0
-            found = reachability(solver, targets.reshape(-1, 4, 4), seed=self.seed, threads=threads)
+            how = {"seed": self.seed, "threads": threads, "proof_boxes": self.proof_boxes}
+            found = reachability(solver, targets.reshape(-1, 4, 4), **how)
             verdict[near] = found.verdict.reshape(len(near), -1)
             reached = np.flatnonzero(found.verdict == Reach.REACHABLE)
             rows, columns = near[reached // orientations], reached % orientations
@@ -215,7 +224,7 @@ class ReachJob(Job):
             name: [float(low) if np.isfinite(low) else None, float(high) if np.isfinite(high) else None]
             for name, low, high in zip(robot.joint_names, robot.lower, robot.upper, strict=True)
         }
-        names = ("urdf", "tip", "base", "cell", "lower", "options", "seed")
+        names = ("urdf", "tip", "base", "cell", "lower", "options", "proof_boxes", "seed")
         manifest = self.manifest()
         return {
             "robot": robot.name,

@@ -186,6 +186,7 @@ def test_jobs_that_make_no_sense_are_refused(maira):
         ({"directions": 0}, "directions must be a positive"),
         ({"rolls": 1.5}, "rolls must be a positive"),
         ({"seed": -1}, "seed must be a non-negative"),
+        ({"proof_boxes": -1}, "proof_boxes must be a non-negative"),
         ({"box": [(0, 1), (0, 1)]}, "box must be"),
         ({"box": [(1, 0), (0, 1), (0, 1)]}, "box must be"),
         ({"cell": 1e-6}, "too large"),

@@ -43,6 +43,21 @@ def test_other_arms_and_redundancies_are_solved(ur5, rng):
         np.testing.assert_array_equal(found.verdict == mq.Reach.UNREACHABLE, batch.status == mq.Status.UNREACHABLE)
 
 
+def test_chains_without_proofs_reach_the_same_and_leave_the_rest_undecided(panda, rng):
+    T = poses(panda, 60, rng)
+    solver = mq.Solver(panda, options=mq.Options(max_restarts=20))
+    whole, batch = reachability(solver, T), solver.solve_batch(T)
+    np.testing.assert_array_equal(whole.verdict == mq.Reach.REACHABLE, batch.success)
+    np.testing.assert_array_equal(whole.verdict == mq.Reach.UNREACHABLE, batch.status == mq.Status.UNREACHABLE)
+    assert len(set(whole.verdict.tolist())) == 3
+    np.testing.assert_allclose(whole.q[batch.success], batch.q[batch.success], atol=1e-9)
+    quick = reachability(solver, T, proof_boxes=0)
+    np.testing.assert_array_equal(quick.verdict == mq.Reach.REACHABLE, batch.success)
+    assert (quick.verdict[~batch.success] == mq.Reach.UNDECIDED).all()
+    T[3] = np.nan
+    assert reachability(solver, T, proof_boxes=0).verdict[3] == mq.Reach.UNDECIDED
+
+
 def test_singular_poses_are_left_to_the_solve(maira):
     """The arm stretched upwards: the shoulder's axes are in line."""
     found = reachability(mq.Solver(maira), [maira.forward(np.zeros(7)), maira.forward([0.3, 0, 0.2, 1.0, 0, 0.5, 0])])

@@ -39,6 +39,9 @@ class Reach:
     """Rolls about each direction, uniform over a turn; >= 1."""
     box: tuple[float, float, float, float, float, float] | None = None
     """What the grid is to cover, X0 X1 Y0 Y1 Z0 Z1 [m]; none: all that can be reached."""
+    proof_boxes: int | None = None
+    """For arms that are no S-R-S arms: boxes of joint values that the proof that a pose is out of reach may take; >= 0;
+    0: no proofs, which there take nearly all of the time; none: as in a solve."""
     seed: int = 0
     """Seed of the random starts; >= 0."""
     options: SolverFlags = field(default_factory=Options)
@@ -63,6 +66,7 @@ class Reach:
             rolls=self.rolls,
             box=box,
             options=self.options,
+            proof_boxes=self.proof_boxes,
             seed=checked_seed(self.seed),
         )
         state, said = carry_out(job, self.output, self.how, "mapping")
