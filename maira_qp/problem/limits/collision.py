@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
@@ -150,12 +149,8 @@ class CollisionLimit(Limit):
                 raise OptionError(f"no obstacle {shown(name)}; {listed(names, name)}")
             k = names.index(name)
             places[own + k] = as_place(pose, f"pose of {name!r}")
-            obstacles[k] = copy(obstacles[k])
-            object.__setattr__(obstacles[k], "pose", places[own + k])
-        limit = copy(self)
-        object.__setattr__(limit, "obstacles", tuple(obstacles))
-        object.__setattr__(limit, "_scene", self.scene.moved(places))
-        return limit
+            obstacles[k] = _changed(obstacles[k], pose=places[own + k])
+        return _changed(self, obstacles=tuple(obstacles), _scene=self.scene.moved(places))
 
     def _obstacle_parts(self, robot: Robot) -> list[Part]:
         """The obstacles as parts that do not move."""
@@ -358,6 +353,13 @@ def _named_obstacles(obstacles: Any) -> tuple[Shape, ...]:
         if names.count(name) > 1:
             raise OptionError(f"two obstacles have the name {shown(name)}")
     return tuple(named)
+
+
+def _changed(one: Any, **values: Any) -> Any:
+    """The same with some fields, which are not checked again; faster than `copy`."""
+    other = object.__new__(type(one))
+    other.__dict__.update(one.__dict__, **values)
+    return other
 
 
 def _directories(directories: Any) -> tuple[str, ...]:

@@ -126,7 +126,8 @@ class Scene:
         scene.__dict__.update(self.__dict__)
         parts = list(self.parts)
         for index, place in places.items():
-            parts[index] = parts[index]._replace(placement=place)
+            name, joint, _, shape = parts[index]
+            parts[index] = Part(name, joint, place, shape)
         scene.parts = tuple(parts)
         scene._moved = tuple({**dict(self._moved), **places}.items())
         return scene
