@@ -173,7 +173,7 @@ def checked_joint_weights(value: Any, name: str, joint_names: tuple[str, ...]) -
     Raises `OptionError`.
     """
     n = len(joint_names)
-    if not isinstance(value, Mapping) and np.ndim(value) == 2:
+    if isinstance(value, (list, tuple, np.ndarray)) and is_listing(value) and any(map(is_listing, value)):
         M = semidefinite_matrix(value, n, name, OptionError)
         diagonal = np.diag(M)
         return diagonal.copy() if np.array_equal(M, np.diag(diagonal)) else M

@@ -153,4 +153,5 @@ def rotation_between(a: np.ndarray, d: np.ndarray) -> np.ndarray:
 
 def is_pose_like(value: Any) -> bool:
     """Whether a value is meant for a pose, and not for a vector (3,)."""
-    return isinstance(value, pin.SE3) or (is_listing(value) and np.ndim(value) > 1)
+    is_array = isinstance(value, (list, tuple, np.ndarray)) and is_listing(value)
+    return isinstance(value, pin.SE3) or (is_array and any(map(is_listing, value)))
