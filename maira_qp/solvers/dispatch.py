@@ -305,7 +305,12 @@ class Engines:
     def choice(
         self, verb: str, *, observe: bool = False, deadline: bool = False, keep_direction: bool = False
     ) -> Choice:
-        """Which engine runs a call of a verb: "solve" (and "solve_batch") or "step"."""
+        """Which engine runs a call of a verb: "solve" (and "solve_batch"), "step", or "track", which must have one."""
+        if verb == "track":
+            joints = "one task of the tip of a chain"
+            if self.compiled is None:
+                joints += ", with a joint more for the axis about which the tool is free to turn"
+            return Choice(COMPILED, joints)
         if verb == "step":
             asked = "a deadline is kept" if deadline else "the direction is kept" if keep_direction else ""
             if reason := self.tick_refusal or asked:
@@ -423,7 +428,7 @@ class Engines:
 
         if self.compiled is not None:
             return self.with_problem(self.problem.of_first_level())
-        axis = free_axis(self.problem)
+        axis = None if self.refusal == ASKED else free_axis(self.problem)
         return None if axis is None else Engines.build(with_joint(self.problem, axis))
 
     @property

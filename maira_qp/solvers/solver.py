@@ -52,7 +52,7 @@ LARGEST_STEP = 0.5
 ANY_STEP = 1e9
 """A larger step is no limit either [rad or m], and may be too large a number to compute with."""
 
-VERBS = ("solve", "solve_batch", "step")
+VERBS = ("solve", "solve_batch", "step", "track")
 """What `Solver.engine_for` knows."""
 
 
@@ -447,8 +447,7 @@ class Solver(Shown):
             raise OptionError(f"loop must be True or False, got {shown(loop)}")
         checked_seed(seed)
         rules = Rules(solver._largest_step(dt, max_step), int(max_reconfigurations), dt, bool(loop), q0 is not None)
-        if reason := engines.path_refusal:
-            raise OptionError(f"a path is followed by the compiled engine, which cannot take this: {reason}")
+        _check_followed(engines)
         if loop and len(targets):
             solver._check_closed(targets)
         return engines.track(targets, start, int(seed), rules)
@@ -553,16 +552,24 @@ class Solver(Shown):
         """Which engine runs a call, and why: `print(solver.engine_for("step"))`.
 
         Args:
-            verb: "solve", "solve_batch" or "step".
+            verb: "solve", "solve_batch", "step" or "track".
             observe: for `solve` with `observe=...`.
             deadline, keep_direction: for `step` with these.
 
-        Raises `OptionError` for another verb.
+        Raises `OptionError` for another verb, and for "track" where no path can be followed.
         """
         if not isinstance(verb, str) or verb not in VERBS:
             raise OptionError(f"no engine for {shown(verb)}; {listed(VERBS, verb)}")
         engines = self.engines if verb == "step" else self.engines.of_solves
+        if verb == "track":
+            _check_followed(engines)
         return engines.choice(verb, observe=observe, deadline=deadline, keep_direction=keep_direction)
+
+
+def _check_followed(engines: Engines) -> None:
+    """Raises `OptionError` where no engine follows paths with their problem."""
+    if reason := engines.path_refusal:
+        raise OptionError(f"a path is followed by the compiled engine, which cannot take this: {reason}")
 
 
 def _frame_of(task: Task) -> str:

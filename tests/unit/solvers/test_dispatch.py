@@ -58,3 +58,17 @@ def test_why_the_compiled_engine_cannot_take_a_problem_is_said(maira):
 
 def test_the_tables_of_the_readme_are_those_of_the_dispatch():
     assert tables() in (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_engine_that_follows_paths_is_said_or_why_there_is_none(maira):
+    """A free axis is no way round the backend that was asked for."""
+    free = mq.PoseTask(orientation_weight=[1, 1, 0], axes="target")
+    assert str(mq.Solver(maira).engine_for("track")) == "compiled: one task of the tip of a chain"
+    assert "free to turn" in mq.Solver(maira, task=free).engine_for("track").reason
+    for task in (None, free):
+        solver = mq.Solver(maira, task=task, backend="daqp")
+        for call in (lambda s: s.engine_for("track"), lambda s: s.track([maira.forward(maira.middle)])):
+            with pytest.raises(
+                OptionError, match="compiled engine, which cannot take this: a QP backend was asked for"
+            ):
+                call(solver)
