@@ -41,7 +41,7 @@ def example(root: Path, path: Path) -> Example:
     words = ast.get_docstring(ast.parse(text)) or ""
     title, _, rest = words.partition("\n\n")
     pictures = sorted((root / "docs" / PICTURES).glob(f"{path.stem[:2]}_*"))
-    picture = pictures[0].relative_to(root / "docs").as_posix() if pictures else ""
+    picture = pictures[-1].relative_to(root / "docs").as_posix() if pictures else ""
     return Example(path.stem, " ".join(title.split()), rest, picture, text)
 
 

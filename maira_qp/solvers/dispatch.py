@@ -1,7 +1,7 @@
 """Which engine runs when, and why: the engines of one problem, and the choice between them for each call.
 
 The compiled engine takes what it knows, the reference engine everything. `Engines.choice` says which and gives the
-reason in words; `tables` sums it up, for the README.
+reason in words; `tables` sums it up, for the documentation.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ STEPS = (
 
 
 def tables() -> str:
-    """The two tables of the README, in Markdown."""
+    """The two tables of the documentation, in Markdown."""
     solves = _table(("`solve`, `solve_batch`", "engine", "`s.backend`"), SOLVES)
     return f"{solves}\n\n{_table(('`step`', 'engine'), STEPS)}"
 
