@@ -37,4 +37,5 @@ left.set(title="A ball on its way through", xlabel="time [s]", ylabel="smallest 
 left.legend(frameon=False)
 right.plot(times, errors, color=plots.COLORS[0])
 right.set(title="The tool gives way and comes back", xlabel="time [s]", ylabel="off its pose [mm]")
+picture.suptitle("a ball flies through the arm's place: where it is goes with each tick")
 print(f"Picture: {plots.save(picture, 'output/23_moving_obstacles.png')}")

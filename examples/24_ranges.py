@@ -71,4 +71,5 @@ for axes, (title, across, up_axis, x, lines, bound) in zip(picture.axes, panels,
         axes.axhline(bound, color=plots.LIMIT_COLOR, linewidth=2.5, alpha=0.5, label="limit")
     axes.set(title=title, xlabel=across, ylabel=up_axis)
     axes.legend(frameon=False)
+picture.suptitle("ranges: a cup kept upright, a tool in its cell, a slow tool")
 print(f"Picture: {plots.save(picture, 'output/24_ranges.png')}")
