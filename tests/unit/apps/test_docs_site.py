@@ -69,3 +69,13 @@ def test_every_example_has_its_picture_in_the_gallery():
     drawing = [path for path in (ROOT / "examples").glob("[0-9]*.py") if "output/" in path.read_text(encoding="utf-8")]
     assert [path.name for path in drawing if not list((DOCS / "images" / "examples").glob(f"{path.stem[:2]}_*"))] == []
     assert len(drawing) > 10
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 150
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))], ids=lambda page: page.name)
+def test_no_word_must_be_guessed(page):
+    text = page.read_text(encoding="utf-8")
+    assert re.findall(r"\b(?:felt|told|to the bit|a pose a row|a row an answer|weights an axis)\b", text) == []
