@@ -379,6 +379,8 @@ class Engines:
 
     def _native(self, target: Any) -> np.ndarray:
         """A target (4, 4) that kernels take, and check. Raises `PoseError` for what is no array of that kind."""
+        if isinstance(target, Mapping) and target.keys() == set(self.problem.target_keys):
+            (target,) = target.values()
         T = np.ascontiguousarray(target.homogeneous) if isinstance(target, pin.SE3) else target
         if is_native(T, (4, 4)):
             return T  # type: ignore[no-any-return]
