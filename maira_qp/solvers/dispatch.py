@@ -443,11 +443,13 @@ class Engines:
                 return f"its {type(limit).__name__} is about the target of a call, and needs a target of its own"
         return f"{self.refusal}{hint(self.problem)}" if self.following is None else ""
 
-    def track(self, targets: Targets, q0: np.ndarray | None, seed: int, rules: Rules) -> PathSolution:
+    def track(
+        self, targets: Targets, q0: np.ndarray | None, seed: int, rules: Rules, progress: Progress | None = None
+    ) -> PathSolution:
         """Follow the path of N targets, from a start (n,) or any, by some rules, if `path_refusal` is empty."""
         from maira_qp.solvers.paths.track import track  # heavy: Numba comes with it
 
-        return track(self, targets, q0, seed, rules)
+        return track(self, targets, q0, seed, rules, progress)
 
     def timed(self, path: PathSolution, **limits: Any) -> Trajectory:
         """A path with times. Raises `OptionError`."""

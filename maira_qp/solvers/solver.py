@@ -406,6 +406,7 @@ class Solver(Shown):
         max_reconfigurations: int = 0,
         loop: bool = False,
         seed: int = 0,
+        progress: Callable[[int, int], object] | None = None,
         tool: Any = None,
         in_frame: str | None = None,
         base: Any = None,
@@ -428,6 +429,8 @@ class Solver(Shown):
             loop: the path ends at the pose where it begins, and the arm is to end as it began, so that it can go round
                 again.
             seed: non-negative integer; other seeds begin from other configurations.
+            progress: callback, called from this thread with the number of poses that are done, by an estimate of the
+                work, and their total; every fraction of a second in long paths. What it raises ends the call.
             tool, in_frame, base: as for `solve`; the frame as it stands at q0.
 
         The problem must be one that the compiled engine takes, one task of the tip of a chain, or leave the tool free
@@ -436,6 +439,7 @@ class Solver(Shown):
 
         Raises `PoseError`, `ConfigurationError`, `OptionError`.
         """
+        check_callable(progress, "progress", OptionError)
         solver, start = self._for(tool), self.problem.start(q0)
         engines, path = solver._of_call(solver.engines.of_solves, path)
         targets = engines.problem.targets(solver._in_base(path, start, in_frame, base), "path pose")
@@ -450,7 +454,7 @@ class Solver(Shown):
         _check_followed(engines)
         if loop and len(targets):
             solver._check_closed(targets)
-        return engines.track(targets, start, int(seed), rules)
+        return engines.track(targets, start, int(seed), rules, progress)
 
     def _check_closed(self, targets: Targets) -> None:
         """Check that a loop ends at the pose where it begins. Raises `PoseError`."""

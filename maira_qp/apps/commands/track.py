@@ -106,7 +106,7 @@ class Track:
         output = self.output or self.poses.with_suffix(f".path{self.poses.suffix}")
         self._check_files(output, poses)
         begin, targets = time.monotonic(), poses.targets(slice(None))
-        with progress_bar("following"):
+        with progress_bar("following") as progress:
             path = solver.track(
                 targets,
                 q0,
@@ -115,6 +115,7 @@ class Track:
                 max_reconfigurations=self.max_reconfigurations,
                 loop=self.loop,
                 seed=seed,
+                progress=progress,
             )
         whole = bool(path) and not path.reconfigurations
         trajectory = path.timed(**limits) if self.timed and whole else None

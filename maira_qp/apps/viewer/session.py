@@ -189,6 +189,10 @@ class Session:
         self._path.seek(self.q if is_from_here else None, partial(self._begin_path, self.target))
         self._leave_path()
 
+    def cancel_path(self) -> None:
+        """The path is not to be followed any more. Raises `OptionError` unless it is being followed."""
+        self._path.cancel()
+
     def stand_at(self, index: int) -> None:
         """The arm is shown at a pose of the path, the nearest that there is. Raises `OptionError`."""
         self._along_path().stand_at(index)

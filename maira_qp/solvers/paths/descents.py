@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from maira_qp.problem.problem import Problem
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.multi_start import attempts
 from maira_qp.solvers.compiled.problem_arrays import ProblemArrays
+from maira_qp.solvers.paths.meter import Meter
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +28,8 @@ class PathArrays:
     """(n,) largest step of each joint from pose to pose of the whole path [rad or m]"""
     asked: Problem
     """What was asked: the problem of the arrays, or one whose robot has a joint less, see `free_axis`"""
+    beat: Callable[[], object] = Meter(None, 0).beat
+    """Called before each series of descents; what it raises ends the work"""
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -74,6 +78,7 @@ class PathArrays:
 
         What breaks a limit beside those of the joints has not arrived.
         """
+        self.beat()
         q, outcome = _attempted(self.arrays, rows, starts)
         arrived = outcome[:, Outcome.SUCCESS] > 0.0
         if self.asked.additional_limits:

@@ -28,6 +28,7 @@ from maira_qp.solvers.paths.failures import ROUNDING, broken, loop_gap, missed, 
 from maira_qp.solvers.paths.free_axis import free_axis, start_with_joint, without_turning
 from maira_qp.solvers.paths.layers import Density, layer_indices, layers_of
 from maira_qp.solvers.paths.line import Edge, Line, best_line
+from maira_qp.solvers.paths.meter import Meter, Progress
 
 DENSITY = Density(spacing=0.3, most=150, fresh=16)
 KNOTS = 0.03
@@ -48,31 +49,51 @@ NEARLY_CLOSED = 1e-3
 """A loop whose ends are no further apart [rad or m], two descents to one pose, ends with its beginning."""
 CALM = 4.0
 """A line whose largest step is at most so many times the mean step is not sought again in finer layers."""
+KNOTS_DONE, ALONE_DONE, PARTS_DONE = 0.4, 0.6, 0.9
+"""Shares of the work that are done with the knots, the poses by themselves and the parts, as a rule of thumb."""
 
 
-def track(engines: Any, targets: Targets, q0: np.ndarray | None, seed: int, rules: Rules) -> PathSolution:
+def track(
+    engines: Any,
+    targets: Targets,
+    q0: np.ndarray | None,
+    seed: int,
+    rules: Rules,
+    progress: Progress | None = None,
+) -> PathSolution:
     """Follow the path of N targets from a start (n,), or from any, by some rules.
 
     `engines` are those of the problem, see `solvers.dispatch`. Poses that nothing was found to reach divide the path:
     each part between them is followed by itself.
     """
+    meter = Meter(progress, len(targets))
+    solution = _track(engines, targets, q0, seed, rules, meter)
+    meter.reach(1.0)
+    return solution
+
+
+def _track(
+    engines: Any, targets: Targets, q0: np.ndarray | None, seed: int, rules: Rules, meter: Meter
+) -> PathSolution:
     following = engines.following
     targets, start, step = _as_followed(engines.problem, following.problem, targets, q0, rules)
     rows, count = np.ascontiguousarray(targets.rows[:, 0]), len(targets)
-    path = PathArrays(following.compiled, rows, np.arange(count), step, engines.problem)
+    path = PathArrays(following.compiled, rows, np.arange(count), step, engines.problem, meter.beat)
     rng, first = np.random.default_rng(seed), None
     if start is not None and count:
         first = following.solve(targets.poses(0), start, SEED_0)
-    by_knots = _followed_by_knots(following, path, targets, first, seed, rules.loop, rng)
+    by_knots = _followed_by_knots(following, path, targets, first, seed, rules.loop, rng, meter)
     if by_knots is not None:
         solution = _judged(engines, path, by_knots, rules)
         if solution.success.all() and not solution.failures:
             return solution
-    q, reached = _alone(following, targets, first, np.arange(count), seed)
+    q, reached = _alone(following, targets, first, np.arange(count), seed, meter.stage(KNOTS_DONE, ALONE_DONE))
+    parts_done = meter.stage(ALONE_DONE, PARTS_DONE)
     for begin, end in runs(reached):
+        parts_done(begin, count)
         part, is_start_given = path.some(slice(begin, end)), begin == 0 and first is not None
         q[begin:end] = follow(part, q[begin:end], is_start_given, rules.loop and end - begin == count, rng)
-    others = _nearest(following, path, targets, q, start)
+    others = _nearest(following, path, targets, q, start, meter.stage(PARTS_DONE, 1.0))
     if rules.loop and count:
         _close(path, q)
     return _judged(engines, path, q, rules, others)
@@ -94,7 +115,12 @@ def _as_followed(
 
 
 def _nearest(
-    engines: Any, path: PathArrays, targets: Targets, q: np.ndarray, start: np.ndarray | None
+    engines: Any,
+    path: PathArrays,
+    targets: Targets,
+    q: np.ndarray,
+    start: np.ndarray | None,
+    progress: Progress,
 ) -> dict[int, Solution]:
     """Solutions by index for the poses that q (N, n) does not reach, into q: each from the last that is reached."""
     reached = _reached(path, q)[1]
@@ -103,7 +129,7 @@ def _nearest(
         return {}
     before = np.maximum(np.searchsorted(there, lost) - 1, 0)
     starts = q[there[before]] if len(there) else q[lost] if start is None else np.tile(start, (len(lost), 1))
-    nearest = engines.solve_batch(targets[lost], starts, SEED_0, None, None)
+    nearest = engines.solve_batch(targets[lost], starts, SEED_0, None, progress)
     q[lost] = nearest.q
     return dict(zip(lost.tolist(), nearest, strict=True))
 
@@ -116,9 +142,11 @@ def _close(path: PathArrays, q: np.ndarray) -> None:
         q[-1] = end
 
 
-def _alone(engines: Any, targets: Targets, start: Any, which: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def _alone(
+    engines: Any, targets: Targets, start: Any, which: np.ndarray, seed: int, progress: Progress
+) -> tuple[np.ndarray, np.ndarray]:
     """Configurations (K, n) at the poses `which` (K,), solved for by themselves, and whether they reach them (K,)."""
-    alone = engines.solve_batch(targets[which], None, seed_words(seed), None, None)
+    alone = engines.solve_batch(targets[which], None, seed_words(seed), None, progress)
     q, reached = alone.q.copy(), alone.success.copy()
     if start is not None:
         q[0], reached[0] = start.q, start.success
@@ -133,15 +161,17 @@ def _followed_by_knots(
     seed: int,
     is_loop: bool,
     rng: np.random.Generator,
+    meter: Meter,
 ) -> np.ndarray | None:
     """A line (N, n) that is sought at knots alone; None: they are as many as the poses, or not all are reached."""
     knots = layer_indices(path, KNOTS)
     if 2 * len(knots) > len(path):
         return None
-    known, reached = _alone(engines, targets, start, knots, seed)
+    known, reached = _alone(engines, targets, start, knots, seed, meter.stage(0.0, 0.5 * KNOTS_DONE))
     if not reached.all():
         return None
     line = follow(path.some(knots), known, start is not None, is_loop, rng)
+    meter.reach(KNOTS_DONE)
     q, arrived = filled(path, knots, line, CubicSpline)
     return q if arrived.all() else filled(path, knots, line)[0]
 

@@ -4,11 +4,12 @@ import json
 import os
 import subprocess
 import sys
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
 from PIL import Image
-from support.command_line import misuse
+from support.command_line import heed_interrupts, misuse
 from support.robots import load, urdf_file
 
 import maira_qp as mq
@@ -265,3 +266,31 @@ def test_streams_that_are_closed_are_not_written_to(line, closed):
         ["sh", "-c", f"{command.replace(str(line), 'absent.csv')}"], capture_output=True, check=False
     )
     assert missing.returncode == 2
+
+
+def test_ctrl_c_while_a_path_is_followed_leaves_nothing(line):
+    code = (
+        "import os, signal, sys\nfrom maira_qp.apps.cli import main\nfrom maira_qp.solvers.solver import Solver\n"
+        "track = Solver.track\n"
+        "def interrupt(done, total):\n    os.kill(os.getpid(), signal.SIGINT)\n"
+        "Solver.track = lambda *args, progress, **options: track(*args, progress=interrupt, **options)\n"
+        "sys.exit(main(sys.argv[1:]))\n"
+    )
+    command = [sys.executable, "-c", code, "track", str(line)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600, preexec_fn=heed_interrupts, check=False)
+    assert done.returncode == 130
+    assert done.stderr.splitlines()[-1] == "maira-qp: interrupted"
+    assert "Traceback" not in done.stderr
+    assert os.listdir(line.parent) == [line.name]
+
+
+def test_the_bar_grows_to_the_number_of_poses(run, line, monkeypatch):
+    seen = []
+
+    @contextmanager
+    def bar(label):
+        yield lambda done, total: seen.append((done, total))
+
+    monkeypatch.setattr("maira_qp.apps.arguments.output.progress_bar", bar)
+    assert run(line)[0] == 0
+    assert seen[-1] == (N, N)

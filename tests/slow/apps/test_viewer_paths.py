@@ -104,6 +104,24 @@ def test_recorded_waypoints_are_joined_by_lines_and_followed(session, home):
     np.testing.assert_allclose(view.tool.homogeneous, corners[1], atol=1e-9)
 
 
+def test_a_path_that_is_being_followed_can_be_cancelled(session, home):
+    """The work ends soon, in whichever thread it is, and its answer is not waited for."""
+    recorded(session, home, moved(home, 0, 0.1, 0))
+    with pytest.raises(OptionError, match="no path is being followed"):
+        session.cancel_path()
+    session.follow_path(True)
+    job = session.next_long_job()
+    session.cancel_path()
+    assert job.think() is None
+    job.write(None)
+    view = tick(session, 2)
+    assert view.path.station is None
+    assert not view.path.is_sought
+    assert "Cancelled" in readout.path(view)
+    session.follow_path(True)
+    assert tick(session, 2).path.station.path.solution
+
+
 def test_while_it_is_sought_the_tab_says_so_and_the_arm_goes_on(session, home):
     recorded(session, home, moved(home, 0, 0.1, 0))
     session.follow_path(True)

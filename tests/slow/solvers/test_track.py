@@ -198,6 +198,38 @@ def test_the_same_call_gives_the_same_path(rng):
     np.testing.assert_array_equal(first.q, second.q)
 
 
+@pytest.mark.parametrize("is_whole", [True, False])
+def test_progress_grows_to_the_number_of_poses_and_changes_nothing(is_whole, rng):
+    robot, seen = mq.Robot.maira(), []
+    targets = poses_along(robot, smooth_motion(robot, rng, 40))
+    if not is_whole:
+        targets[10:12, :3, 3] += 5.0
+    path = mq.Solver(robot).track(targets, progress=lambda done, total: seen.append((done, total)))
+    assert bool(path) is is_whole
+    counts = [done for done, _ in seen]
+    assert counts == sorted(counts)
+    assert {total for _, total in seen} == {40}
+    assert seen[-1] == (40, 40)
+    assert len({*counts}) > 1
+    np.testing.assert_array_equal(path.q, mq.Solver(robot).track(targets).q)
+
+
+@pytest.mark.parametrize("at", [1, 5, 20])
+def test_what_the_progress_callback_raises_ends_the_call(at, rng):
+    robot, calls, solver = mq.Robot.maira(), [], mq.Solver(mq.Robot.maira())
+    targets = poses_along(robot, smooth_motion(robot, rng, 40))
+
+    def progress(done, total):
+        calls.append(done)
+        if len(calls) == at:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        solver.track(targets, progress=progress)
+    assert len(calls) == at
+    assert solver.track(targets)
+
+
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_short_paths(count):
     robot = mq.Robot.maira()
@@ -237,6 +269,7 @@ def test_results_are_saved(rng):
         ({"q0": [0.1]}, ConfigurationError, "q0"),
         ({"seed": -1}, OptionError, "seed"),
         ({"loop": "yes"}, OptionError, "loop"),
+        ({"progress": 3}, OptionError, "progress"),
         ({"path": np.eye(4)}, PoseError, "path"),
         ({"path": np.zeros((3, 4, 4))}, PoseError, "path pose 0"),
         ({"path": np.full((2, 4, 4), np.nan)}, PoseError, "path pose 0"),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -67,11 +68,27 @@ class Followed:
         return content(suffix, {"reached": path.success.astype(int)}, self.route.poses, path.q, path.joint_names)
 
 
-def followed(solver: Solver, route: Route, q0: np.ndarray | None) -> Followed | str:
-    """Follow a path of at least one pose, from a start near q0 (n,) or from any; why it cannot be asked for, if so."""
+class Unwanted(Exception):
+    """Nobody waits for the answer any more."""
+
+
+def followed(
+    solver: Solver, route: Route, q0: np.ndarray | None, is_wanted: Callable[[], bool]
+) -> Followed | str | None:
+    """Follow a path of at least one pose, from a start near q0 (n,) or from any; why it cannot be asked for, if so.
+
+    None, soon, once `is_wanted` is False.
+    """
+
+    def leave(_: int, __: int) -> None:
+        if not is_wanted():
+            raise Unwanted
+
     begin = time.perf_counter()
     try:
-        solution = solver.track(route.poses, q0, loop=route.is_closed)
+        solution = solver.track(route.poses, q0, loop=route.is_closed, progress=leave)
+    except Unwanted:
+        return None
     except MairaError as reason:
         return str(reason)
     return Followed(route, solution, time.perf_counter() - begin)

@@ -63,14 +63,21 @@ class Pursuit:
         self.followed, self._sought, self._notice = None, None, ""
         self._is_explained = self._is_waiting = False
 
+    def cancel(self) -> None:
+        """It is not to be followed any more. Raises `OptionError` unless it is being followed."""
+        if self._sought is None:
+            raise OptionError("no path is being followed")
+        self.forget()
+        self._notice = "Cancelled: how the path is followed is not known."
+
     def next_job(self, solver: Solver) -> Job | None:
         """What is to be found out, once."""
         if not self._is_waiting:
             return None
         self._is_waiting = False
-        if self._sought is not None:
-            think = partial(followed, solver, self._sought.route, self._sought.start)
-            return Job(think, partial(self._use, self._sought))
+        if (sought := self._sought) is not None:
+            think = partial(followed, solver, sought.route, sought.start, lambda: self._sought is sought)
+            return Job(think, partial(self._use, sought))
         assert self.followed is not None
         return Job(partial(proved, self.followed), self._use_proof)
 
@@ -78,8 +85,8 @@ class Pursuit:
         """What there is to see, the arm being at a pose of the path or elsewhere."""
         return PathView(self.route, self.followed, station, self._sought is not None, self._is_explained, self._notice)
 
-    def _use(self, sought: Sought, answer: Followed | str) -> None:
-        if sought is not self._sought:
+    def _use(self, sought: Sought, answer: Followed | str | None) -> None:
+        if sought is not self._sought or answer is None:
             return
         self._sought = None
         if isinstance(answer, str):

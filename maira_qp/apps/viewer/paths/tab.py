@@ -53,7 +53,7 @@ class PathTab:
     def show(self, view: View) -> None:
         """The path, how it is followed, and where on it the arm is."""
         path, station = view.path, view.path.station
-        self._followed = path.followed
+        self._followed, self._cancel.visible = path.followed, path.is_sought
         self._state.content = readout.path(view)
         is_known = path.followed is not None
         self._at.handle.visible = is_known and len(path.route) > 1
@@ -117,11 +117,16 @@ class PathTab:
     def _add_following(self, gui: viser.GuiApi) -> None:
         start = gui.add_dropdown("Start", (FROM_HERE, FROM_ANYWHERE), hint="Which configurations it may begin with")
         follow = gui.add_button("Follow", icon=viser.Icon.ROUTE)
+        self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
 
         @follow.on_click
         def _(_: viser.GuiEvent) -> None:
             is_from_here = start.value == FROM_HERE
             self._ask.session("follow", lambda session: session.follow_path(is_from_here))
+
+        @self._cancel.on_click
+        def _(_: viser.GuiEvent) -> None:
+            self._ask.session("follow", lambda session: session.cancel_path())
 
     def _do(self, action: Callable[[Session], None]) -> None:
         """Each click counts, however many come between two ticks."""
