@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -138,7 +139,8 @@ def test_an_earlier_attempt_that_arrives_goes_before_a_later_one_that_arrives_so
         library = configurations(robot, rng, LANES)
         library[rng.integers(LANES)] = solution
         problem = compiled(robot, max_restarts=3)
-        problem = replace(problem, library=library, features=features_of(problem, poses_of(problem, library)))
+        features = features_of(problem, poses_of(problem, library))
+        problem = replace(problem, seeds=SimpleNamespace(configurations=library, features=features))
         (first_q, second_q), outcomes = attempts_of(problem, row, 2, starts=start[None])
         assert outcomes[1, Outcome.SUCCESS] == 1
         assert outcomes[1, Outcome.SPENT] == 0

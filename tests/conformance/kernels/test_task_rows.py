@@ -51,6 +51,7 @@ def model_into(tree, parents, tasks, places, objectives, targets, q, x, memory, 
     n, m = len(q), len(out.rows)
     work = carve_step_work(n, len(tasks), m, len(objectives), memory, index)
     copy(targets, work.targets)
+    work.fade[0] = 1.0
     level_costs(tree, parents, tasks, places, objectives, work, q, work.values)
     out.numbers[0] = work.values[0]
     out.numbers[1] = level_model(tree, parents, tasks, places, objectives, 0, work, q)
