@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.apps.viewer.drawing.surroundings import collision_limit
-from maira_qp.errors import MairaError, OptionError
+from maira_qp.errors import MairaError
 from maira_qp.problem.limits.collision import CollisionLimit
 from maira_qp.problem.options import Options
 from maira_qp.problem.redundancy import Strict, Weighted
@@ -85,18 +85,15 @@ class Ghosts:
     target: pin.SE3
     q: np.ndarray
     """(k, n)"""
-    found: Solutions | None
-    """With those that are alike; None: they cannot be listed"""
+    found: Solutions
+    """With those that are alike"""
     note: str = ""
     """Why there are none"""
 
 
 def ghosts_of(solver: Solver, target: pin.SE3) -> Ghosts:
-    """All solutions for a target, the best first; none, with the reason, where they are not known."""
-    try:
-        found = solver.solutions(target)
-    except OptionError as reason:
-        return Ghosts(target, np.empty((0, solver.robot.n)), None, str(reason))
+    """All solutions for a target that are known, the best first."""
+    found = solver.solutions(target)
     turns = WholeTurns(solver.robot, solver.robot.middle)
     shown = np.empty((0, solver.robot.n))
     for q in (each.q for each in found):

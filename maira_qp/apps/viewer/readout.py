@@ -84,7 +84,7 @@ def solutions(session: Session, view: View) -> str:
     ghosts = view.ghosts
     if ghosts is None:
         return _line("looking for all solutions ...")
-    if ghosts.found is None or not ghosts.found:
+    if not ghosts.found:
         return _line(ghosts.note)
     found, shown = ghosts.found, len(ghosts.q)
     what = "arcs of solutions" if found[0].arc is not None else "solutions"

@@ -219,7 +219,7 @@ def test_a_urdf_robot_has_no_dh_methods(maira):
     """The references need a DH table: for a robot from a URDF they are left out, and a note says so."""
     robot = Robot.from_urdf(maira.urdf)
     made = plan(robot, Settings(targets=1), Options())
-    assert {method.name for method in made.methods} == {"pose", "weighted", "strict"}
+    assert {method.name for method in made.methods} == {"pose", "weighted", "fading", "strict"}
     assert sum("needs a DH table" in note for note in made.notes) == 3
     with pytest.raises(OptionError, match="nothing to run"):
         plan(robot, Settings(methods=("newton",)), Options())
