@@ -2,7 +2,8 @@
 
 A part's key is the name that it was given, else the frame that it is about, else a word for its class: "posture",
 "swivel". The parts of a problem share four things: a `key`, `with_value(value)` for another datum (its target,
-point, angle, reference ...), `scaled(factor)` for another weight, and `is_off`, which says that it counts nothing.
+point, angle, reference ...), `scaled(factor)` for another weight, and `is_off`, which says that it counts nothing. A
+datum that stands in the base says so by `datum`: it is a pose, a point or a direction; of others `datum` is empty.
 """
 
 from __future__ import annotations
@@ -19,6 +20,9 @@ from maira_qp.errors import FrameError, OptionError, shown
 
 NO_DATUM = "takes no value from a call"
 
+POSE, POINT, DIRECTION = "pose", "point", "direction"
+"""What `datum` is of what stands in the base. A pose is a pose for all three."""
+
 
 @dataclass(frozen=True)
 class Off:
@@ -26,6 +30,7 @@ class Off:
 
     part: Any
     is_off = True
+    datum = ""
 
     @property
     def name(self) -> str | None:

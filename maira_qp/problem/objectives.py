@@ -17,7 +17,7 @@ import numpy as np
 
 from maira_qp.arrays import is_listing, is_native, is_number, real_array, semidefinite_matrix
 from maira_qp.errors import OptionError, listed, shown
-from maira_qp.problem.naming import NO_DATUM, check_name, word_for
+from maira_qp.problem.naming import NO_DATUM, POINT, check_name, word_for
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.joint_values import joint_array, joint_values
 from maira_qp.robots.model.robot import Robot
@@ -35,6 +35,11 @@ class Objective(ABC):
     def key(self) -> str:
         """What a call calls the objective by."""
         return word_for(self) if self.name is None else self.name
+
+    @property
+    def datum(self) -> str:
+        """What it takes from a call that stands in the base, "pose", "point" or "direction"; empty: nothing does."""
+        return ""
 
     def with_value(self, value: Any) -> Objective:
         """The objective, bound to a robot, with another datum, such as its reference. Raises `OptionError`."""
@@ -107,6 +112,7 @@ class Posture(Objective):
     """
     name: str | None = field(default=None, kw_only=True)
     """What calls call it by; None: "posture"."""
+    _joint_names: tuple[str, ...] = field(default=(), kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
         """Raises `OptionError`."""
@@ -121,14 +127,15 @@ class Posture(Objective):
             counts = np.array([name in q_ref for name in robot.joint_names], dtype=float)
             weights = weights * (counts if weights.ndim == 1 else np.outer(counts, counts))
         q_ref = joint_array(q_ref, robot.joint_names, "q_ref of Posture", OptionError, robot.middle)
-        return replace(self, q_ref=q_ref, weights=weights, gain=checked_gain(self.gain, "Posture"))
+        gain = checked_gain(self.gain, "Posture")
+        return replace(self, q_ref=q_ref, weights=weights, gain=gain, _joint_names=robot.joint_names)
 
     def with_value(self, value: Any) -> Posture:
-        """The same with another reference configuration (n,). Raises `OptionError`."""
+        """The same with another reference configuration, (n,) or by name; others stay. Raises `OptionError`."""
         if is_native(value, self.q_ref.shape) and np.isfinite(value).all():
             q_ref = value.copy()
         else:
-            q_ref = real_array(value, self.q_ref.shape, f"reference of {self.key!r}", OptionError)
+            q_ref = joint_array(value, self._joint_names, f"reference of {self.key!r}", OptionError, self.q_ref)
         posture = copy(self)
         object.__setattr__(posture, "q_ref", q_ref)
         return posture
@@ -314,6 +321,11 @@ class ObstacleDistance(Objective):
     def __post_init__(self) -> None:
         """Raises `OptionError`."""
         check_name(self.name, self)
+
+    @property
+    def datum(self) -> str:
+        """The obstacle."""
+        return POINT
 
     def with_value(self, value: Any) -> ObstacleDistance:
         """The same with the obstacle at another point (3,) [m]. Raises `OptionError`."""

@@ -105,6 +105,11 @@ class Problem:
         return places_by_key(self.parts)
 
     @cached_property
+    def data(self) -> dict[str, str]:
+        """What the data of a call by these keys are, as far as they stand in the base: pose, point or direction."""
+        return {key: datum for key, where in self.places.items() for i in where if (datum := self.parts[i].datum)}
+
+    @cached_property
     def is_active(self) -> tuple[bool, ...]:
         """Which of the parts count: problems in which the same ones do differ in numbers alone."""
         return tuple(not part.is_off for part in self.parts)

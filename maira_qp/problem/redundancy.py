@@ -86,6 +86,11 @@ class Weighted:
         """The weight is 0."""
         return self.weight == 0
 
+    @property
+    def datum(self) -> str:
+        """That of the objective."""
+        return self.objective.datum
+
     def with_value(self, value: Any) -> Weighted:
         """The same with another datum of the objective. Raises what that raises."""
         return replace(self, objective=self.objective.with_value(value))

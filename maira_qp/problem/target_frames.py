@@ -8,18 +8,24 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.errors import ConfigurationError, OptionError, PoseError
+from maira_qp.arrays import is_listing
+from maira_qp.errors import ConfigurationError, OptionError, PoseError, shown
+from maira_qp.orientation import A_POSE
+from maira_qp.problem.naming import POINT, POSE
 from maira_qp.problem.pose import as_pose
+from maira_qp.problem.problem import Problem
 from maira_qp.problem.targets import poses_of_batch, rows_of
 from maira_qp.robots.model.robot import Robot
 
 
-def in_base(target: Any, robot: Robot, q: np.ndarray | None, in_frame: str | None, base: Any) -> Any:
+def in_base(target: Any, problem: Problem, q: np.ndarray | None, in_frame: str | None, base: Any) -> Any:
     """A target, or targets, that are relative to a frame or to the room, relative to the base.
 
     Args:
-        target: as a verb takes it. Its poses are moved, what else it holds stays, and what is no target goes through,
-            for others to refuse.
+        target: as a verb takes it. The poses, points and directions that stand in the base by what the problem's parts
+            say of their data are moved, what else it holds stays, and what is no target goes through, for others to
+            refuse.
+        problem: whose parts its keys are.
         q: configuration (n,) at which the frame is looked at, or (N, n); None: not known.
         in_frame: name of a frame of the robot; None: the target is given in a room.
         base: T_room_base, (4, 4) or (N, 4, 4): where the base stands in the room that the target is given in.
@@ -28,8 +34,8 @@ def in_base(target: Any, robot: Robot, q: np.ndarray | None, in_frame: str | Non
     """
     if in_frame is not None and base is not None:
         raise OptionError("give in_frame, a frame of the robot, or base, where it stands in a room, not both")
-    T = _base_from_room(base) if in_frame is None else _base_from_frame(in_frame, robot, q)
-    return _moved(target, T)
+    T = _base_from_room(base) if in_frame is None else _base_from_frame(in_frame, problem.robot, q)
+    return _moved(target, T, problem.data)
 
 
 def _base_from_frame(frame: str, robot: Robot, q: np.ndarray | None) -> np.ndarray:
@@ -46,6 +52,8 @@ def _base_from_room(base: Any) -> np.ndarray:
     """T_base_room (4, 4) or (N, 4, 4), NaN where a base holds NaN or inf."""
     if isinstance(base, pin.SE3) or np.ndim(base) == 2:
         return as_pose(base, "base").inverse().homogeneous
+    if not is_listing(base):
+        raise PoseError(f"base must be {A_POSE}, or a list of those, got {shown(base)}")
     rows, _ = rows_of(poses_of_batch(base, "base"), "base")
     R, p = rows[:, :9].reshape(-1, 3, 3).swapaxes(1, 2), rows[:, 9:, None]
     T = np.tile(np.eye(4), (len(rows), 1, 1))
@@ -53,25 +61,31 @@ def _base_from_room(base: Any) -> np.ndarray:
     return T
 
 
-def _moved(target: Any, T: np.ndarray) -> Any:
-    """A target, or a batch of them, by T (4, 4), or each by its own (N, 4, 4)."""
+def _moved(target: Any, T: np.ndarray, data: Mapping[str, str], datum: str = POSE) -> Any:
+    """A target, or a batch of them, by T (4, 4), or each by its own (N, 4, 4); of a mapping each value as its datum."""
     if isinstance(target, Mapping):
-        return {name: _moved(value, T) for name, value in target.items()}
+        kinds = ((name, value, data.get(name) if isinstance(name, str) else None) for name, value in target.items())
+        return {name: _moved(value, T, {}, kind) if kind else value for name, value, kind in kinds}
     if isinstance(target, pin.SE3):
         target = target.homogeneous
     elif isinstance(target, (list, tuple)):
         if any(isinstance(each, Mapping) for each in target):
-            return [_moved(each, own) for each, own in zip(target, _one_each(T, len(target)), strict=True)]
+            return [_moved(each, own, data) for each, own in zip(target, _one_each(T, len(target)), strict=True)]
         target = [each.homogeneous if isinstance(each, pin.SE3) else each for each in target]
     try:
-        poses = np.asarray(target, dtype=np.float64)
+        values = np.asarray(target, dtype=np.float64)
     except (TypeError, ValueError):
         return target
-    if poses.shape[-2:] != (4, 4) or poses.ndim > 3 or (poses.ndim == 3 and not len(poses)):
+    shape = (4, 4) if values.shape[-2:] == (4, 4) or datum == POSE else (3,)
+    one = len(shape)
+    if values.shape[-one:] != shape or values.ndim > one + 1 or not len(values):
         return target
-    if poses.ndim == 3:
-        T = _one_each(T, len(poses)) if T.ndim == 3 else T
-    return np.ascontiguousarray(T @ poses)
+    if values.ndim > one and T.ndim == 3:
+        T = _one_each(T, len(values))
+    if one == 2:
+        return np.ascontiguousarray(T @ values)
+    moved = (T[..., :3, :3] @ values[..., None])[..., 0]
+    return moved + T[..., :3, 3] if datum == POINT else moved
 
 
 def _one_each(T: np.ndarray, count: int) -> np.ndarray:

@@ -160,7 +160,8 @@ class Solution(Answer):
         The columns are the target's twist as in `Robot.jacobian`: linear [m] before angular [rad], base axes, at the
         target, `p_d + dp` and `exp(dphi) R_d`. A joint that a limit holds has a zero row; one that would stand there
         without the limit too, where the derivative has two sides, counts as free. Where nothing chooses between
-        configurations, as without a redundancy, q follows by the least motion. See `solvers.analysis.sensitivity`.
+        configurations, as without a redundancy, q follows by the least motion, and so it is counted with a weight that
+        fades, although there the way to the pose moves too. See `solvers.analysis.sensitivity`.
 
         Raises `SensitivityError` for what is not optimal or is singular, for tasks at several levels or of several
         targets, on limits that are not of the joints, and for a solution that was pickled.

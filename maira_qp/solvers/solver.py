@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -182,15 +183,21 @@ class Solver(Shown):
             self._for_tools[key] = solver
         return solver
 
-    def _of_call(self, engines: Engines, target: Any, weights: Any = None) -> tuple[Engines, Any]:
-        """The engines of a call, and the poses that they need, the tips as this solver calls them."""
+    def _of_call(
+        self,
+        engines: Engines,
+        target: Any,
+        weights: Any = None,
+        q: np.ndarray | None = None,
+        in_frame: str | None = None,
+        base: Any = None,
+    ) -> tuple[Engines, Any]:
+        """The engines of a call, and the poses that they need in the base, the tips as this solver calls them."""
         if self._renamed:
             target, weights = (renamed(each, self._renamed) for each in (target, weights))
+        if in_frame is not None or base is not None:
+            target = in_base(target, engines.problem, q, in_frame, base)
         return engines.of_call(target, weights)
-
-    def _in_base(self, target: Any, q: np.ndarray | None, in_frame: str | None, base: Any) -> Any:
-        """The poses of a target relative to the base."""
-        return target if in_frame is None and base is None else in_base(target, self.robot, q, in_frame, base)
 
     def _card(self) -> Card:
         wish, further = self.redundancy, self.problem.additional_limits
@@ -259,9 +266,9 @@ class Solver(Shown):
             metric: joint weights (n,), >= 0, or {joint name: weight}, in which others count 1, or a matrix M (n, n) for
                 `(q - q0)^T M (q - q0)`; None: 1.
             tool: T_tip_tool, a tool in the tip for this call, as for `with_tool`; kept for later calls.
-            in_frame: frame of the robot in which the target's poses are given, such as that of a camera, as it stands
-                at q0; without q0 one that does not move.
-            base: T_room_base: where the base stands in the room in which the target's poses are given.
+            in_frame: frame of the robot in which the target is given, its poses, points and directions, such as that of
+                a camera, as it stands at q0; without q0 one that does not move. `obstacles` are in the base.
+            base: T_room_base: where the base stands in the room in which the target is given, as for `in_frame`.
             accept: test of one's own, f(q) -> bool of a read-only q (n,): an answer that reaches the target counts only
                 if it returns True. Else others are looked for, and the best that is accepted is returned: other
                 branches and whole turns, and places along the self-motion, from which the redundancy is settled as far
@@ -279,22 +286,29 @@ class Solver(Shown):
         seed = SEED_0 if rng is None else checked_seed(rng)
         check_callable(observe, "observe", OptionError)
         solver = self._for(tool)
-        engines, target = solver._of_call(solver.engines.of_solves.with_obstacles(obstacles), target, weights)
+        call = partial(solver._of_call, solver.engines.of_solves.with_obstacles(obstacles), target, weights)
+        engines, poses = call()
         problem = engines.problem
         wishes = {"prefer": prefer, "metric": metric, "accept": accept, "max_joint_change": max_joint_change}
         demands = Demands.checked(self.robot, q0, observe=observe, **wishes)
         starts = None if is_native(q0, (self.robot.n,)) else starts_of(q0, problem)
         if starts is not None:
-            placed = [solver._in_base(target, start, in_frame, base) for start in starts]
-            each = zip(map(problem.target, placed), starts, strict=True)
-            return best_of([answer(engines.about(one), one, start, seed, demands, observe) for one, start in each])
+            placed = [call(start, in_frame, base) for start in starts]
+            each = [(engines, engines.problem.target(poses)) for engines, poses in placed]
+            return best_of(
+                [
+                    answer(own.about(one), one, start, seed, demands, observe)
+                    for (own, one), start in zip(each, starts, strict=True)
+                ]
+            )
         is_plain = in_frame is None and demands is None and is_native(q0, (self.robot.n,))
         start = q0 if is_plain else problem.start(q0)
-        target = solver._in_base(target, start, in_frame, base)
-        engines = engines.about(target)
+        if in_frame is not None or base is not None:
+            engines, poses = call(start, in_frame, base)
+        engines = engines.about(poses)
         if demands is None:
-            return engines.solve(target, start, seed, observe)
-        return answer(engines, problem.target(target), start, seed, demands, observe)
+            return engines.solve(poses, start, seed, observe)
+        return answer(engines, engines.problem.target(poses), start, seed, demands, observe)
 
     def solve_batch(
         self,
@@ -342,11 +356,15 @@ class Solver(Shown):
         solver = self._for(tool)
         if solver._renamed:
             targets, weights = (renamed(each, solver._renamed) for each in (targets, weights))
-        of_each, poses, count = of_calls(solver.engines.of_solves.with_obstacles(obstacles), targets, weights)
-        problem, q = first_of(of_each).problem, None
+        engines, q = solver.engines.of_solves.with_obstacles(obstacles), None
         if in_frame is not None and q0 is not None:
-            q = problem.starts(q0, len(targets_of(problem, poses, count)))
-        asked = targets_of(problem, solver._in_base(poses, q, in_frame, base), count)
+            of_each, poses, count = of_calls(engines, targets, weights)
+            q = (problem := first_of(of_each).problem).starts(q0, len(targets_of(problem, poses, count)))
+        if in_frame is not None or base is not None:
+            targets = in_base(targets, engines.problem, q, in_frame, base)
+        of_each, poses, count = of_calls(engines, targets, weights)
+        problem = first_of(of_each).problem
+        asked = targets_of(problem, poses, count)
         starts, of_each = problem.starts(q0, len(asked)), about_targets(of_each, asked)
         words = checked_seed(seed)
         wishes = {"prefer": prefer, "metric": metric, "accept": accept, "max_joint_change": max_joint_change}
@@ -389,8 +407,8 @@ class Solver(Shown):
         from maira_qp.solvers.enumeration.all_solutions import all_solutions  # heavy: Numba comes with it
 
         solver = self._for(tool)
-        engines, target = solver._of_call(solver.engines.of_solves, target)
-        targets = engines.problem.target(solver._in_base(target, None, in_frame, base))
+        engines, target = solver._of_call(solver.engines.of_solves, target, None, None, in_frame, base)
+        targets = engines.problem.target(target)
         redundancy, engine = engines.problem.redundancy, engines.about(targets).reference
         objective = Posture() if redundancy is None else redundancy.objectives[0]
         seed = SEED_0 if rng is None else checked_seed(rng)
@@ -441,8 +459,8 @@ class Solver(Shown):
         """
         check_callable(progress, "progress", OptionError)
         solver, start = self._for(tool), self.problem.start(q0)
-        engines, path = solver._of_call(solver.engines.of_solves, path)
-        targets = engines.problem.targets(solver._in_base(path, start, in_frame, base), "path pose")
+        engines, path = solver._of_call(solver.engines.of_solves, path, None, start, in_frame, base)
+        targets = engines.problem.targets(path, "path pose")
         if not targets.is_finite.all():
             raise PoseError(f"the path pose {int(np.flatnonzero(~targets.is_finite)[0])} holds NaN or inf")
         if not is_count(max_reconfigurations, 0):
@@ -533,8 +551,8 @@ class Solver(Shown):
             q = self.robot.configuration(q)
         if isinstance(velocity, Mapping):
             velocity = joint_array(velocity, self.robot.joint_names, "velocity")
-        engines, target = solver._of_call(solver.engines.with_obstacles(obstacles), target, weights)
-        target = solver._in_base(target, q, in_frame, base)
+        engines = solver.engines.with_obstacles(obstacles)
+        engines, target = solver._of_call(engines, target, weights, q, in_frame, base)
         engines = engines.about(target)
         by_reference = deadline is not None or keep_direction
         step = None if by_reference else engines.compiled_step(q, target, float(dt), velocity)

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from maira_qp.arrays import real_array
 from maira_qp.errors import OptionError
-from maira_qp.problem.naming import NO_DATUM, word_for
+from maira_qp.problem.naming import NO_DATUM, POSE, word_for
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.robot import Robot
 
@@ -107,6 +107,11 @@ class Limit:
     def key(self) -> str:
         """What a call calls the limit by."""
         return word_for(self) if self.name is None else self.name
+
+    @property
+    def datum(self) -> str:
+        """What it takes from a call that stands in the base, "pose", "point" or "direction"; empty: nothing does."""
+        return "" if self.target_key is None else POSE
 
     def with_value(self, value: Any) -> Limit:
         """The limit, bound to a robot, with another datum. Raises `OptionError`."""

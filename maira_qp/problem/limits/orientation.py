@@ -13,6 +13,7 @@ from maira_qp.arrays import is_listing, is_number
 from maira_qp.errors import OptionError, listed, shown
 from maira_qp.problem.limits.placement import Ranges, TargetLimit
 from maira_qp.problem.limits.turning import angle, tilt, turn_about_z
+from maira_qp.problem.naming import DIRECTION, POSE
 from maira_qp.problem.pose import as_pose, unit_vector
 
 AXES = "xyz"
@@ -63,6 +64,11 @@ class PoseRange(TargetLimit):
         object.__setattr__(self, "_turns", Ranges(turns))
         if not (self._places.bounded.any() or self._turns.bounded.any()):
             raise OptionError("a PoseRange needs a range of the position or of the orientation, such as position=0.01")
+
+    @property
+    def datum(self) -> str:
+        """Its target."""
+        return POSE
 
     def with_value(self, value: Any) -> PoseRange:
         """With another target. Raises `PoseError`."""
@@ -144,6 +150,11 @@ class ConeLimit(TargetLimit):
     def needs_target(self) -> bool:
         """It has neither a direction nor a target."""
         return self.direction is None and self.target is None
+
+    @property
+    def datum(self) -> str:
+        """Its direction, or a target."""
+        return DIRECTION
 
     def with_value(self, value: Any) -> ConeLimit:
         """With another direction (3,), or that of the axis in a pose. Raises `OptionError`, `PoseError`."""

@@ -12,6 +12,7 @@ import pinocchio as pin
 from maira_qp.arrays import is_number, real_array
 from maira_qp.errors import OptionError, shown
 from maira_qp.problem.limits.placement import EXACT, PlacementLimit, Ranges, TargetLimit, point_of
+from maira_qp.problem.naming import POINT, POSE
 from maira_qp.problem.pose import as_pose, unit_vector
 
 NEAR = 1e-9
@@ -37,6 +38,11 @@ class HalfSpaceLimit(PlacementLimit):
         if is_number(point):
             return float(real_array(point, (), "point of a HalfSpaceLimit", OptionError)) * self.normal
         return real_array(point, (3,), "point of a HalfSpaceLimit", OptionError)
+
+    @property
+    def datum(self) -> str:
+        """Its point; a number is a distance from the base."""
+        return POINT
 
     def with_value(self, value: Any) -> HalfSpaceLimit:
         """With another `point`. Raises `OptionError`."""
@@ -76,6 +82,11 @@ class BoxLimit(PlacementLimit):
         object.__setattr__(self, "_ranges", Ranges.build((self.lower, self.upper), "a BoxLimit"))
         pose = pin.SE3.Identity() if self.pose is None else self.pose
         object.__setattr__(self, "pose", as_pose(pose, "pose of a BoxLimit"))
+
+    @property
+    def datum(self) -> str:
+        """Its pose."""
+        return POSE
 
     def with_value(self, value: Any) -> BoxLimit:
         """With another `pose`. Raises `PoseError`."""
@@ -125,6 +136,11 @@ class DistanceLimit(TargetLimit):
     def needs_target(self) -> bool:
         """It has neither a point nor a target."""
         return self.point is None and self.target is None
+
+    @property
+    def datum(self) -> str:
+        """Its point, or a target."""
+        return POINT
 
     def with_value(self, value: Any) -> DistanceLimit:
         """With another `point`: (3,), or the origin of a pose. Raises `OptionError`, `PoseError`."""

@@ -18,6 +18,7 @@ import pinocchio as pin
 from maira_qp.arrays import is_listing, real_array
 from maira_qp.errors import OptionError
 from maira_qp.orientation import skew
+from maira_qp.problem.naming import DIRECTION, POINT
 from maira_qp.problem.pose import unit_vector
 from maira_qp.problem.tasks.frame import TargetTask
 from maira_qp.problem.tasks.task import checked_weights
@@ -94,6 +95,11 @@ class AxisTask(_DirectionTask):
         """The direction, if it is given."""
         return self.direction
 
+    @property
+    def datum(self) -> str:
+        """Its direction, or a target."""
+        return DIRECTION
+
     def with_value(self, value: Any) -> TargetTask:
         """The same task with another direction (3,), or with a target pose. Raises `OptionError`, `PoseError`."""
         if is_pose_like(value):
@@ -123,6 +129,11 @@ class LookAtTask(_DirectionTask):
     def aim(self) -> np.ndarray | None:
         """The point, if it is given."""
         return self.point
+
+    @property
+    def datum(self) -> str:
+        """Its point, or a target."""
+        return POINT
 
     def with_value(self, value: Any) -> TargetTask:
         """The same task with another point (3,), or with a target pose. Raises `OptionError`, `PoseError`."""

@@ -23,6 +23,7 @@ import pinocchio as pin
 from maira_qp.errors import OptionError, shown
 from maira_qp.orientation import orientation_error, skew
 from maira_qp.problem.limits.placement import as_offset
+from maira_qp.problem.naming import POSE
 from maira_qp.problem.pose import as_pose
 from maira_qp.problem.tasks.task import Task, checked_weights
 from maira_qp.robots.model.configuration import Configuration
@@ -68,6 +69,11 @@ class TargetTask(Task):
     def toward(self, targets: Mapping[str, pin.SE3]) -> TargetTask:
         """The same task with the target of its key, unless it has one of its own."""
         return self if self.target is not None else self._aimed(target=targets[self.key])
+
+    @property
+    def datum(self) -> str:
+        """Its target."""
+        return POSE
 
     def with_value(self, value: Any) -> TargetTask:
         """The same task with another target, a pose. Raises `PoseError`."""

@@ -66,6 +66,11 @@ class LimitTask(Task):
         """The pose that is to be near the target that the limit takes from the call."""
         return self.limit.actual(at)  # type: ignore[attr-defined,no-any-return]
 
+    @property
+    def datum(self) -> str:
+        """That of its limit."""
+        return self.limit.datum
+
     def with_value(self, value: Any) -> LimitTask:
         """The same with another datum of its limit. Raises what that raises."""
         return self._limited(self.limit.with_value(value))

@@ -54,6 +54,11 @@ class ObjectiveTask:
         """Its weight is 0."""
         return self.weight == 0
 
+    @property
+    def datum(self) -> str:
+        """That of its objective."""
+        return self.objective.datum
+
     def with_value(self, value: Any) -> ObjectiveTask:
         """The same with another datum of its objective. Raises what that raises."""
         return replace(self, objective=self.objective.with_value(value))

@@ -87,6 +87,11 @@ class RelativePoseTask(TargetTask):
         """The pose of the frame, or of its offset, in the reference."""
         return at.placement(self.reference).actInv(at.placement(self.frame, self.offset))
 
+    @property
+    def datum(self) -> str:
+        """None: its target stands in the reference."""
+        return ""
+
     def residual(self, at: Configuration) -> tuple[float, float]:
         """Norms of the position error [m] and the orientation error [rad]; 0 for what the task leaves free."""
         e = np.zeros(6)

@@ -47,7 +47,7 @@ import pinocchio as pin
 from maira_qp.arrays import is_count, is_number, real_array
 from maira_qp.errors import OptionError, shown
 from maira_qp.problem.limits.joint import Tick
-from maira_qp.problem.naming import NO_DATUM, check_name, word_for
+from maira_qp.problem.naming import NO_DATUM, POSE, check_name, word_for
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.robot import Robot
 
@@ -95,6 +95,11 @@ class Task(ABC):
     def target_key(self) -> str | None:
         """The key of the target that the task takes from the call; None: it needs none."""
         return None
+
+    @property
+    def datum(self) -> str:
+        """What it takes from the call that stands in the base, "pose", "point" or "direction"; empty: nothing does."""
+        return "" if self.target_key is None else POSE
 
     def with_value(self, value: Any) -> Task:
         """The task, bound to a robot, with another datum: its target, point, angle ... Raises `OptionError`."""

@@ -127,7 +127,7 @@ class _Answer:
         B = self._target_hessian[free]
         curves, V = np.linalg.eigh(H[np.ix_(free, free)])
         kept = np.abs(curves) > SINGULAR * scale * np.abs(curves).max(initial=0.0)
-        if np.abs(V[:, ~kept].T @ B).max(initial=0.0) > SINGULAR * np.abs(B).max():
+        if np.abs(V[:, ~kept].T @ B).max(initial=0.0) > SINGULAR * np.abs(B).max(initial=0.0):
             raise SensitivityError("the answer is singular: the cost does not curve where the target pulls")
         return self._embedded(free, -(V[:, kept] / curves[kept]) @ (V[:, kept].T @ B))
 

@@ -244,6 +244,8 @@ def test_bad_changes_are_named(maira):
     assert s.success
     assert abs(s.q[0] - q0[0] - 0.2) <= 0.05
     still = solver.solve(target, q0 + 0.2, max_joint_change=0.0)
+    assert not still.success
+    assert not still.jacobian().any()  # no joint can follow
     assert still.q.tolist() == (q0 + 0.2).tolist()
 
 

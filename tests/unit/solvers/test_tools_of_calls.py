@@ -160,3 +160,48 @@ def test_targets_by_frame_move_with_the_base(rng):
     b = solver.solve_batch([targets, targets], q, base=np.array([ROOM.homogeneous] * 2))
     assert b.success.all()
     np.testing.assert_allclose(b.q, np.array([q, q]), atol=1e-6)
+
+
+def test_data_by_name_are_given_in_the_frame_or_room_too(arm, rng):
+    """The pose of a task with a target of its own, a gaze point, a direction; each call as with the data in the base.
+
+    A pose that one hand has in the other, and a posture, stand in no base, whatever their shape is.
+    """
+    q, goal = arm.middle + 0.2, arm.forward(arm.middle + 0.3)
+    point, direction = np.array([1.0, 0.3, 0.2]), np.array([0.3, 0.1, -1.0])
+    tasks = [
+        mq.LookAtTask(frame="link5", name="gaze", point=[1, 0, 0], priority=2),
+        mq.AxisTask(name="up", direction=[0, 0, 1], priority=3),
+    ]
+    solver = mq.Solver(arm, task=mq.PositionTask(name="hand", target=arm.forward(q)), tasks=tasks)
+    target = {"hand": goal, "gaze": point, "up": direction}
+    eye, want = arm.forward(q, "link5"), solver.solve(target, q)
+    for given, T in (({"base": ROOM}, ROOM), ({"in_frame": "link5"}, eye.inverse())):
+        moved = {"hand": T * goal, "gaze": T * point, "up": T.rotation @ direction}
+        np.testing.assert_allclose(solver.solve(moved, q, **given).q, want.q, atol=1e-7)
+        np.testing.assert_allclose(solver.solve(moved, np.array([q]), **given).q, want.q, atol=1e-7)
+        a, b = solver.step(q, moved, 0.01, **given), solver.step(q, target, 0.01)
+        np.testing.assert_allclose(a.q, b.q, atol=1e-10)
+    moved = {"hand": ROOM * goal, "gaze": ROOM * point, "up": ROOM.rotation @ direction}
+    for many in ({key: [value] for key, value in moved.items()}, [moved]):
+        np.testing.assert_allclose(solver.solve_batch(many, q, base=ROOM).q, [want.q], atol=1e-7)
+
+
+def test_what_stands_in_no_base_is_not_moved(rng):
+    """The pose of one hand in the other is the same in every room; (4, 4) is also four postures of four joints."""
+    arms = load("baxter_arms")
+    left, right = arms.tips
+    held = arms.forward(arms.middle, right).inverse() * arms.forward(arms.middle, left)
+    solver = mq.Solver(arms, task=mq.RelativePoseTask(frame=left, reference=right))
+    assert np.abs(solver.step(arms.middle, {left: held}, 0.01, base=ROOM).velocity).max() < 1e-6
+    four = mq.Robot.from_dh([mq.DHLink(a=0.3, lower=-2, upper=2)] * 4)
+    solver, q = mq.Solver(four, task=mq.PositionTask(), redundancy=mq.Strict(mq.Posture())), four.middle + 0.3
+    targets = {"tool0": [four.forward(q)] * 4, "posture": rng.uniform(-1, 1, (4, 4))}
+    moved = {**targets, "tool0": [ROOM * four.forward(q)] * 4}
+    np.testing.assert_allclose(solver.solve_batch(moved, base=ROOM).q, solver.solve_batch(targets).q, atol=1e-7)
+
+
+@pytest.mark.parametrize("base", ["x", {}, 3])
+def test_what_is_no_base_is_refused_by_that_name(solver, base):
+    with pytest.raises(PoseError, match=r"^base must be a pose"):
+        solver.solve(ROOM, base=base)

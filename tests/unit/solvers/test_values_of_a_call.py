@@ -102,6 +102,20 @@ def test_a_compiled_solve_with_a_moved_posture_stays_compiled_and_is_that_of_its
     assert np.abs(called.q - solver.solve(T, q0).q).max() > 1e-4
 
 
+def test_a_posture_of_a_call_is_given_by_name():
+    """Joints that are not named keep the reference that the solver was built with."""
+    robot = mq.Robot.maira()
+    built = robot.middle + 0.2
+    solver, T = mq.Solver(robot, redundancy=mq.Strict(mq.Posture(built))), robot.forward(robot.middle + 0.1)
+    other = built.copy()
+    other[2] = -0.4
+    by_name = solver.solve({"tool0": T, "posture": {"joint3": -0.4}})
+    np.testing.assert_array_equal(by_name.q, solver.solve({"tool0": T, "posture": other}).q)
+    assert np.abs(by_name.q - solver.solve(T).q).max() > 1e-3
+    with pytest.raises(OptionError, match="reference of 'posture': 'elbow' is not a joint"):
+        solver.solve({"tool0": T, "posture": {"elbow": 0.1}})
+
+
 def test_joints_of_more_than_a_turn_end_at_the_turn_nearest_to_the_posture_of_the_call():
     twists, lengths, offsets = (0, -np.pi / 2, 0, np.pi / 2, -np.pi / 2, np.pi / 2), (0, 0, 0.4, 0, 0, 0), (0.3,) * 6
     links = [
