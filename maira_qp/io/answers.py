@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -46,7 +47,11 @@ def check_output(path: Path, table: Table, joint_names: Sequence[str]) -> None:
     """Before a long run: whether the answers can go there, beside what was asked. Raises `OptionError`."""
     check_format(path)
     check_place(path, table)
-    whole = path.suffix.lower() == ".npz"
+    check_names(path.suffix.lower() == ".npz", table, joint_names)
+
+
+def check_names(whole: bool, table: Table, joint_names: Sequence[str]) -> None:
+    """Before a long run: whether the names of the answers, in an archive or a table, are free. Raises `OptionError`."""
     asked = table.arrays if whole and isinstance(table, NpzTable) else table.names
     for name in _names(whole, joint_names):
         if name in asked:
@@ -60,13 +65,20 @@ def check_place(path: Path, table: Table) -> None:
         raise OptionError(f"{path} is no file that can be replaced")
     if not (folder.is_dir() and os.access(folder, os.W_OK)):
         raise OptionError(f"{path} cannot be written: {folder} is no folder that can be written to")
-    if path.exists() and path.samefile(table.path):
+    if path.exists() and table.path.exists() and path.samefile(table.path):
         raise OptionError(f"{path} is the file of the poses; name another one with --output")
 
 
 def write_answers(path: Path, table: Table, answers: Mapping[str, np.ndarray], joint_names: Sequence[str]) -> None:
     """Writes a file whole or not at all: what the table holds, then the answers. Raises `OSError`, `PoseError`."""
-    suffix = path.suffix.lower()
+    with replacing(path) as file:
+        stream_answers(file, path.suffix.lower(), table, answers, joint_names)
+
+
+def stream_answers(
+    file: BinaryIO, suffix: str, table: Table, answers: Mapping[str, np.ndarray], joint_names: Sequence[str]
+) -> None:
+    """Writes the same to a stream, in the format of files that end in `suffix`. Raises `OSError`, `PoseError`."""
     arrays = [answers[name] for name in COLUMNS]
     if suffix == ".npz":
         arrays += [answers["q"], np.array(joint_names, dtype=str)]
@@ -76,8 +88,7 @@ def write_answers(path: Path, table: Table, answers: Mapping[str, np.ndarray], j
     invalid = answers["status"] == Status.INVALID_TARGET.name
     if suffix != ".npz":
         named = {name: _known(array, invalid) for name, array in named.items()}
-    with replacing(path) as file:
-        {".csv": write_csv, ".npz": write_npz, ".parquet": write_parquet}[suffix](file, table, named)
+    {".csv": write_csv, ".npz": write_npz, ".parquet": write_parquet}[suffix](file, table, named)
 
 
 def _known(array: np.ndarray, invalid: np.ndarray) -> np.ndarray:

@@ -34,10 +34,12 @@ OTHERS = {"|": "bars", " ": "blanks"}
 class CsvTable(Table):
     """A CSV file in memory, as its bytes."""
 
-    def __init__(self, path: Path, choose: Choose) -> None:
-        """Reads a file. Raises `PoseError`, naming the line, for what is not a table or not a number."""
+    def __init__(self, path: Path, choose: Choose, content: bytes | None = None) -> None:
+        """Reads a file, or takes its content. Raises `PoseError`, naming the line, for what is not a table or not a
+        number."""
         self.path = path
-        self._content = self._in_utf8(read_regular(path, "the table", PoseError, LARGEST_TABLE))
+        content = read_regular(path, "the table", PoseError, LARGEST_TABLE) if content is None else content
+        self._content = self._in_utf8(content)
         self.separator = self._separator()
         """Of columns: a comma, a semicolon or a tab."""
         self.decimal = "."

@@ -91,6 +91,7 @@ def read_poses(
     farthest: float = math.inf,
     project: bool = False,
     position_only: bool = False,
+    content: bytes | None = None,
 ) -> Poses:
     """The poses of a file.
 
@@ -103,10 +104,12 @@ def read_poses(
         farthest: a coordinate [m] beyond which a position is a mistake.
         project: take the nearest rotation to a rounded one, however far it is.
         position_only: a file may hold positions without orientations; those of its poses are then the base's.
+        content: what came from elsewhere, as CSV; `path` is then its name in messages. None: the file is read.
 
     Raises `PoseError`, which names the row or column, `OptionError`.
     """
-    check_format(path)
+    if content is None:
+        check_format(path)
 
     def choose(names: Sequence[str]) -> Sequence[str]:
         try:
@@ -114,7 +117,7 @@ def read_poses(
         except PoseError as reason:
             raise reason.at(str(path)) from None
 
-    table = _read(path, choose, joint_names or ())
+    table = _read(path, choose, joint_names or (), content)
     found = layout(table.names, joint_names, position_only=position_only)
     valid = np.logical_and.reduce(np.isfinite(table.numbers), axis=1)
     poses = Poses(table, found, radian, scale, metre, project, valid, np.zeros(len(valid)))
@@ -131,10 +134,10 @@ def blocks(count: int) -> list[slice]:
     return [slice(begin, begin + BLOCK) for begin in range(0, max(count, 1), BLOCK)]
 
 
-def _read(path: Path, choose: Choose, joint_names: Sequence[str]) -> Table:
+def _read(path: Path, choose: Choose, joint_names: Sequence[str], content: bytes | None) -> Table:
     suffix = path.suffix.lower()
-    if suffix == ".csv":
-        return CsvTable(path, choose)
+    if suffix == ".csv" or content is not None:
+        return CsvTable(path, choose, content)
     return NpzTable(path, choose, joint_names) if suffix == ".npz" else ParquetTable(path, choose)
 
 

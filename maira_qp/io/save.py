@@ -52,10 +52,15 @@ def save(result: Motion, file: str | os.PathLike[str], format: str | None = None
     if not isinstance(file, (str, os.PathLike)):
         raise OptionError(f"save takes the path of a file, not {shown(file)}")
     path = Path(file)
-    write = WRITERS[format_of(path, format)]
-    with replacing(path) as stream:
-        write(stream, result)
+    format = format_of(path, format)
+    with replacing(path) as opened:
+        stream(result, opened, format)
     return path
+
+
+def stream(result: Motion, file: BinaryIO, format: str) -> None:
+    """Write the same to a stream. Raises as `save` does."""
+    WRITERS[format](file, result)
 
 
 def format_of(path: Path, format: str | None = None) -> str:

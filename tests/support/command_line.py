@@ -1,6 +1,8 @@
 """What the tests of the command line share."""
 
+import io
 import signal
+import sys
 
 
 def heed_interrupts() -> None:
@@ -16,3 +18,8 @@ def misuse(answer):
     assert err.count("\n") == 1
     assert err.startswith("maira-qp: error: ")
     return err
+
+
+def pipe_in(monkeypatch, content: bytes) -> None:
+    """Standard input holds this."""
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(content)))

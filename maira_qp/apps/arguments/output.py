@@ -63,9 +63,9 @@ def check_picture(path: Path) -> None:
         raise OptionError(NO_PICTURE)
 
 
-def print_json(value: Any) -> None:
-    """One JSON value on stdout; numbers that are not finite are null."""
-    sys.stdout.write(json.dumps(plain(value), allow_nan=False, indent=2) + "\n")
+def print_json(value: Any, *, stderr: bool = False) -> None:
+    """One JSON value on stdout, or on stderr; numbers that are not finite are null."""
+    (sys.stderr if stderr else sys.stdout).write(json.dumps(plain(value), allow_nan=False, indent=2) + "\n")
 
 
 class Units:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -10,11 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.console import Console
 
 from maira_qp.apps.arguments.output import VERDICTS, Units, console, print_json, progress_bar
+from maira_qp.apps.arguments.standard_streams import STANDARD, beside, name_and_content
 from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.errors import OptionError, PoseError
-from maira_qp.io.answers import check_output, columns, left_out, write_answers
+from maira_qp.io.answers import check_names, check_output, columns, left_out, stream_answers, write_answers
 from maira_qp.io.poses import Poses, blocks, read_poses
 from maira_qp.problem.targets import FARTHEST
 from maira_qp.results.batch import BatchSolution
@@ -45,7 +48,7 @@ class Batch:
 
     path: Path
     output: Path | None
-    """None: beside the input, `poses.csv` to `poses.solved.csv`"""
+    """None: beside the input, `poses.csv` to `poses.solved.csv`, and standard input to standard output"""
     q0: np.ndarray | None
     """(n,) the start of all [rad or m]; None: those of the file, if it holds any"""
     seed: int
@@ -58,8 +61,11 @@ class Batch:
         `positions` solves a file that holds positions alone.
         """
         joints = solver.robot.joint_names
+        output = self.output or beside(self.path, "solved")
+        is_streamed = output == STANDARD
+        name, content = name_and_content(self.path)
         poses = read_poses(
-            self.path,
+            name,
             joints,
             radian=units.radian,
             metre=units.metre,
@@ -67,23 +73,30 @@ class Batch:
             position_only=True,
             farthest=FARTHEST * solver.robot.length,
             project=self.project,
+            content=content,
         )
         if poses.layout.form == "position":
             solver = positions
         if self.q0 is not None and poses.layout.start:
-            raise OptionError(f"--q0 and the columns q0_... of {self.path} both give a start; leave one out")
-        output = self.output or self.path.with_suffix(f".solved{self.path.suffix}")
-        check_output(output, poses.table, joints)
+            raise OptionError(f"--q0 and the columns q0_... of {name} both give a start; leave one out")
+        if is_streamed:
+            check_names(False, poses.table, joints)
+        else:
+            check_output(output, poses.table, joints)
         begin = time.monotonic()
         with progress_bar("solving") as progress:
             answers = columns(self._solved(solver, poses, progress))
         seconds = time.monotonic() - begin
         answers["q"] = units.write(answers["q"])
-        write_answers(output, poses.table, answers, joints)
+        if is_streamed:
+            with reader_may_leave():
+                stream_answers(sys.stdout.buffer, ".csv", poses.table, answers, joints)
+        else:
+            write_answers(output, poses.table, answers, joints)
         hints = unit_hints(solver.robot, poses, answers["success"], self.q0)
         summary = _summary(solver, poses, answers, seconds, hints) | {"output": str(output)}
         with reader_may_leave():
-            print_json(summary) if json else _show(summary)
+            print_json(summary, stderr=is_streamed) if json else _show(summary, console(stderr=is_streamed))
         for name in left_out(output, poses.table):
             console(stderr=True).print(
                 f"left out of {output}: {name!r}, which has no entry for each pose", soft_wrap=True
@@ -152,11 +165,10 @@ def unit_hints(robot: Robot, poses: Poses, solved: np.ndarray, q0: np.ndarray | 
     return [f"{hint} ({flag})" for hint in hints for word, flag in flags.items() if word in hint]
 
 
-def _show(summary: dict[str, Any]) -> None:
-    """The summary as a table on stdout."""
+def _show(summary: dict[str, Any], out: Console) -> None:
+    """The summary as a table."""
     from rich.table import Table
 
-    out = console()
     whole = summary["solved"] == summary["poses"]
     out.print(f"solved {summary['solved']} of {summary['poses']}", style="bold green" if whole else "bold yellow")
     table = Table(show_header=False)

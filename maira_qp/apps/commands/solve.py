@@ -56,9 +56,10 @@ class Solve:
     choice: RobotFlags = field(default_factory=RobotChoice)
     pose: PoseFlags = field(default_factory=PoseChoice)
     batch: Path | None = None
-    """File with many poses, .csv, .npz or .parquet, in place of one."""
+    """File with many poses, .csv, .npz or .parquet, in place of one; -: CSV from standard input."""
     output: Path | None = None
-    """File of the answers to --batch, .csv, .npz or .parquet; none: poses.csv is answered in poses.solved.csv."""
+    """File of the answers to --batch, .csv, .npz or .parquet; -: CSV to standard output, and the summary to stderr;
+    none: poses.csv is answered in poses.solved.csv, - in -."""
     threads: int | None = None
     """Threads that solve --batch; >= 1; none: one a processor. No answer depends on it."""
     all: tyro.conf.FlagCreatePairsOff[bool] = False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,11 +14,14 @@ import tyro
 from maira_qp.apps.arguments.flags import RobotFlags, SolverFlags, checked_seed
 from maira_qp.apps.arguments.numbers import JointValues
 from maira_qp.apps.arguments.robot_choice import RobotChoice
+from maira_qp.apps.arguments.standard_streams import STANDARD, beside, name_and_content
 from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.errors import OptionError, PoseError
 from maira_qp.problem.options import Options
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from maira_qp.apps.arguments.output import Units
     from maira_qp.io.poses import Poses
     from maira_qp.problem.tasks.frame import PoseTask
@@ -44,7 +48,7 @@ class Track:
     2 misuse."""
 
     poses: tyro.conf.Positional[Path]
-    """File of the poses, .csv, .npz or .parquet."""
+    """File of the poses, .csv, .npz or .parquet; -: CSV from standard input."""
     choice: RobotFlags = field(default_factory=RobotChoice)
     q0: JointValues = None
     """Joint values at the first pose, or near them [rad, or deg with --deg; m for a sliding joint]; none: any."""
@@ -76,7 +80,8 @@ class Track:
     """From sample to sample with --timed [s]; > 0."""
     output: Path | None = None
     """File of the joint values, .csv, .npz, .parquet, .json, .ros.json (a JointTrajectory of ROS 2) or .rrd (for
-    Rerun); none: poses.csv is answered in poses.path.csv."""
+    Rerun); -: CSV to standard output, and the summary to stderr; none: poses.csv is answered in poses.path.csv, - in
+    -."""
     picture: Path | None = None
     """Draw joints, speeds, errors, condition number and swivel angle into this .png, .svg or .pdf."""
     animation: Path | None = None
@@ -93,7 +98,7 @@ class Track:
 
     def run(self) -> int:
         """Follows, writes, draws and prints a summary; the exit code as the class says."""
-        from maira_qp.apps.arguments.output import VERDICTS, Units, print_json, progress_bar
+        from maira_qp.apps.arguments.output import VERDICTS, Units, console, print_json, progress_bar
         from maira_qp.solvers.solver import Solver
 
         self._check_flags()
@@ -103,7 +108,8 @@ class Track:
         q0 = self._start(poses, units)
         step = None if self.max_step is None else _limits(self.max_step, "--max-step", units)
         limits = self._motion_limits(units)
-        output = self.output or self.poses.with_suffix(f".path{self.poses.suffix}")
+        output = self.output or beside(self.poses, "path")
+        is_streamed = output == STANDARD
         self._check_files(output, poses)
         begin, targets = time.monotonic(), poses.targets(slice(None))
         with progress_bar("following") as progress:
@@ -124,7 +130,10 @@ class Track:
         found = _summary(robot, path, poses, trajectory, seconds, q0)
         found |= {"not_timed": self.timed and trajectory is None, "files": [str(each) for each in written]}
         with reader_may_leave():
-            print_json(found | {"q_units": path.q_units}) if self.json else _show(path, trajectory, found, units)
+            if self.json:
+                print_json(found | {"q_units": path.q_units}, stderr=is_streamed)
+            else:
+                _show(path, trajectory, found, units, console(stderr=is_streamed))
         return VERDICTS[_verdict(path)]
 
     def _task(self) -> PoseTask | None:
@@ -149,17 +158,19 @@ class Track:
         from maira_qp.io.poses import read_poses
         from maira_qp.problem.targets import FARTHEST
 
+        name, content = name_and_content(self.poses)
         poses = read_poses(
-            self.poses,
+            name,
             robot.joint_names,
             radian=units.radian,
             metre=units.metre,
             scale=units.scale,
             farthest=FARTHEST * robot.length,
             project=self.project,
+            content=content,
         )
         if not len(poses):
-            raise PoseError(f"{self.poses} holds no pose: a path needs at least one")
+            raise PoseError(f"{name} holds no pose: a path needs at least one")
         numbers = poses.table.numbers[:, : len(poses.layout.pose)]
         valid = np.logical_and.reduce(np.isfinite(numbers), axis=1)  # starts after the first row may be missing
         for row in np.flatnonzero(~valid)[:1].tolist():
@@ -172,7 +183,7 @@ class Track:
             starts = poses.starts(slice(0, 1))
             return None if starts is None else starts[0]
         if poses.layout.start:
-            raise OptionError(f"--q0 and the columns q0_... of {self.poses} both give a start; leave one out")
+            raise OptionError(f"--q0 and the columns q0_... of {poses.table.path} both give a start; leave one out")
         return units.read(self.q0, "--q0")
 
     def _motion_limits(self, units: Units) -> dict[str, Any]:
@@ -193,7 +204,7 @@ class Track:
         from maira_qp.io.answers import check_place
         from maira_qp.io.save import format_of
 
-        if format_of(output) == "ros" and self.dt is None and not self.timed:
+        if output != STANDARD and format_of(output) == "ros" and self.dt is None and not self.timed:
             raise OptionError(f"{output.name} needs times: give --timed, or --dt from pose to pose")
         if self.animation is not None:
             if self.animation.suffix.lower() != ".gif":
@@ -202,15 +213,19 @@ class Track:
         if self.picture is not None:
             check_picture(self.picture)
         for file in filter(None, (output, self.picture, self.animation)):
-            check_place(file, poses.table)
+            if file != STANDARD:
+                check_place(file, poses.table)
 
     def _write(self, output: Path, path: PathSolution, trajectory: Trajectory | None) -> list[Path]:
         """The files; of a path that was to be timed and could not be, only pictures."""
-        from maira_qp.io.save import save
+        from maira_qp.io.save import save, stream
 
-        written = []
-        if trajectory is not None or not self.timed:
-            written.append(save(path if trajectory is None else trajectory, output))
+        written, motion = [], trajectory if self.timed else path
+        if motion is not None and output == STANDARD:
+            with reader_may_leave():
+                stream(motion, sys.stdout.buffer, "csv")
+        elif motion is not None:
+            written.append(save(motion, output))
         if self.picture is not None:
             from maira_qp.apps import plots  # not before it is known to be installed
 
@@ -291,13 +306,11 @@ def _in_words(first: int, last: int) -> str:
     return f"poses {first} to {last}" if first < last else f"pose {first} alone"
 
 
-def _show(path: PathSolution, trajectory: Trajectory | None, found: dict[str, Any], units: Units) -> None:
-    """The summary as tables on stdout, for 80 columns."""
+def _show(path: PathSolution, trajectory: Trajectory | None, found: dict[str, Any], units: Units, out: Console) -> None:
+    """The summary as tables, for 80 columns."""
     from rich.table import Table
 
-    from maira_qp.apps.arguments.output import console
-
-    out, k = console(), found["first_failure"]
+    k = found["first_failure"]
     if k is None:
         out.print(f"followed whole: {len(path)} poses", style="bold green")
     else:

@@ -15,7 +15,7 @@ import pyarrow
 import pytest
 from pyarrow import parquet
 from scipy.spatial.transform import Rotation
-from support.command_line import heed_interrupts, misuse
+from support.command_line import heed_interrupts, misuse, pipe_in
 
 import maira_qp as mq
 from maira_qp.apps.cli import main
@@ -735,3 +735,61 @@ def test_the_help_tells_the_columns(capsys):
         assert word in text
     for word in ("position_error [m]", "left_q0", "max_joint_change", "active_limits", "q_<joint>", "joint_names"):
         assert word in text
+
+
+def test_poses_go_through_a_pipe(run, tmp_path, asked, monkeypatch):
+    """What a file would hold goes to standard output, in the dialect of standard input; the summary to stderr."""
+    path = write(tmp_path / "poses.csv", in_columns(asked[0]))
+    for content in (path.read_bytes(), path.read_text().replace(",", ";").replace(".", ",").encode("utf-16")):
+        path.write_bytes(content)
+        assert run(path)[0] == 0
+        pipe_in(monkeypatch, content)
+        code, out, err = run("-", "--output", "-")
+        assert code == 0
+        assert out == (tmp_path / "poses.solved.csv").read_text()
+        assert err.startswith("solved 12 of 12")
+    pipe_in(monkeypatch, content)
+    told = json.loads(run("-", "--json")[2])
+    assert (told["solved"], told["output"]) == (12, "-")
+    assert sorted(os.listdir(tmp_path)) == ["poses.csv", "poses.solved.csv"]
+
+
+def test_a_file_is_answered_on_standard_output_and_a_pipe_in_a_file(run, tmp_path, asked, monkeypatch):
+    path = write(tmp_path / "poses.npz", {"targets": asked[0]})
+    code, out, err = run(path, "--output", "-")
+    assert code == 0
+    header, *lines = out.splitlines()
+    assert "success" in header
+    assert (len(lines), err.startswith("solved 12 of 12")) == (12, True)
+    pipe_in(monkeypatch, write(tmp_path / "poses.csv", in_columns(asked[0])).read_bytes())
+    code, out, _ = run("-", "--output", tmp_path / "answers.npz")
+    assert code == 0
+    assert out.startswith("solved 12 of 12")
+    assert read(tmp_path / "answers.npz")["success"].all()
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(b"", "standard input is empty"), (HEADER.encode() + b"0.4,a,0,0,1,0,0\n", "standard input, line 2")],
+)
+def test_a_pipe_that_holds_no_poses_is_refused(run, content, words, monkeypatch):
+    pipe_in(monkeypatch, content)
+    assert words in misuse(run("-"))
+
+
+def test_standard_input_that_is_closed_is_said_so(tmp_path):
+    command = f"{sys.executable} -m maira_qp solve --batch - <&-"
+    ran = subprocess.run(["sh", "-c", command], capture_output=True, check=False, cwd=tmp_path)
+    assert ran.returncode == 2
+    assert b"standard input is closed" in ran.stderr
+
+
+def test_a_reader_that_goes_away_from_the_answers_does_not_change_the_verdict(tmp_path, asked):
+    path, (read_end, write_end) = write(tmp_path / "poses.csv", in_columns(asked[0])), os.pipe()
+    os.close(read_end)
+    command = [sys.executable, "-m", "maira_qp", "solve", "--batch", str(path), "--output", "-"]
+    ran = subprocess.run(command, stdout=write_end, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(write_end)
+    assert ran.returncode == 0
+    assert ran.stderr.startswith("solved 12 of 12")
+    assert "Traceback" not in ran.stderr

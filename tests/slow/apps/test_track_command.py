@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 from PIL import Image
-from support.command_line import heed_interrupts, misuse
+from support.command_line import heed_interrupts, misuse, pipe_in
 from support.robots import load, urdf_file
 
 import maira_qp as mq
@@ -294,3 +294,41 @@ def test_the_bar_grows_to_the_number_of_poses(run, line, monkeypatch):
     monkeypatch.setattr("maira_qp.apps.arguments.output.progress_bar", bar)
     assert run(line)[0] == 0
     assert seen[-1] == (N, N)
+
+
+@pytest.mark.parametrize("arguments", [[], ["--timed", "--acceleration", "5"]], ids=["path", "timed"])
+def test_a_path_goes_through_a_pipe(run, line, arguments, tmp_path, monkeypatch):
+    """What a file would hold goes to standard output, the summary to stderr, also as JSON."""
+    assert run(line, *arguments, "--output", tmp_path / "whole.csv")[0] == 0
+    for further in ([], ["--json", "--output", "-"]):
+        pipe_in(monkeypatch, line.read_bytes())
+        code, out, err = run("-", *arguments, *further)
+        assert code == 0
+        assert out == (tmp_path / "whole.csv").read_text()
+    told = json.loads(err)
+    assert told["followed_whole"]
+    assert told["files"] == []
+    assert sorted(os.listdir(tmp_path)) == ["line.csv", "whole.csv"]
+
+
+def test_a_pipe_that_cannot_be_followed_is_told_with_its_line(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    pipe_in(monkeypatch, (HEADER + rows(_10=f"5.0,0,0.6,{np.pi},0,0")).encode())
+    code, out, err = run("-")
+    assert code == 3
+    assert f"followed up to pose 10 of {N}, standard input, line 12" in err
+    assert len(out.splitlines()) == N + 1
+    pipe_in(monkeypatch, b"x,y\n1,2\n")
+    assert "standard input" in misuse(run("-"))
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_reader_of_the_joint_values_that_goes_away_does_not_change_the_verdict(line):
+    read, write = os.pipe()
+    os.close(read)
+    command = [sys.executable, "-m", "maira_qp", "track", str(line), "--output", "-"]
+    ran = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(write)
+    assert ran.returncode == 0
+    assert ran.stderr.startswith("followed whole")
+    assert "Traceback" not in ran.stderr
