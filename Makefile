@@ -6,7 +6,7 @@ BIN := .venv/bin
 WITHOUT_PASSES := tests/unit/kernels/test_rigid.py tests/unit/kernels/test_random_numbers.py tests/unit/kernels/test_qp.py
 
 # Tests that run once more with the oldest Pinocchio that is supported: all that touches its models.
-WITH_PINOCCHIO := tests/unit/robots tests/unit/problem tests/unit/solvers tests/unit/integrations
+WITH_PINOCCHIO := tests/unit/robots tests/unit/integrations
 
 .PHONY: demo test oldest quick lint examples docs gallery clean
 
@@ -20,7 +20,7 @@ test: .venv/.ready ## run the tests; those of the kernels again as plain Python,
 	OMP_NUM_THREADS=1 OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic $(BIN)/python -m pytest -q -n auto -m rounding
 	OMP_NUM_THREADS=1 MAIRA_QP_INLINE=0 $(BIN)/python -m pytest -q -n 0 $(WITHOUT_PASSES)
 
-oldest: .venv-oldest/.ready ## run the tests of models, problems and solvers beside what LeRobot installs, .ci/oldest.txt
+oldest: .venv-oldest/.ready ## run the tests of models beside what LeRobot installs, .ci/oldest.txt
 	OMP_NUM_THREADS=1 .venv-oldest/bin/python -m pytest -q -n auto $(WITH_PINOCCHIO)
 
 quick: .venv/.ready ## run the unit tests alone: about a minute once the kernels are compiled

@@ -104,7 +104,9 @@ def _is_proved(arrays: ProblemArrays, batch: Batch) -> bool:
 def descend(arrays: ProblemArrays, rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Descend once from each of N starts (N, n) toward targets, (N, 12) or one (12,): q (N, n) and outcomes (N, 9)."""
     q, outcome = np.empty(starts.shape), np.empty((len(starts), Outcome.WIDTH))
-    batch = Batch(np.array(np.broadcast_to(rows, (len(starts), 12))), starts, np.zeros(len(starts), np.uint64), False)
+    batch = Batch(
+        np.ascontiguousarray(np.broadcast_to(rows, (len(starts), 12))), starts, np.zeros(len(starts), np.uint64), False
+    )
     attempts(arrays, batch, 0, 0, q, outcome)
     return q, outcome
 

@@ -10,6 +10,7 @@ from support.whole_model import WholeModel
 
 import maira_qp as mq
 from maira_qp.errors import FrameError, OptionError, PoseError, RobotError
+from maira_qp.robots.model.pinocchio_versions import HAS_MIMIC
 
 TOOL = mq.pose([0.05, -0.02, 0.13], rpy=[0.4, -0.3, 0.9])
 BASE = mq.pose([1.2, -0.7, 0.4], rpy=[0.2, 0.1, 2.0])
@@ -249,6 +250,7 @@ def test_joints_at_rest_stand_where_they_are_put(name, rng):
     )
 
 
+@pytest.mark.skipif(not HAS_MIMIC, reason="this Pinocchio has no mimic joints")
 @pytest.mark.parametrize("name", ["baxter", "pr2_arm", "panda"])
 def test_joints_of_a_model_at_rest(name, rng):
     """From a Pinocchio model, in which continuous joints are pairs and mimic joints follow by themselves."""
