@@ -186,3 +186,13 @@ def rigid(matrix: Any, name: str, *, project: bool = False) -> np.ndarray:
         raise PoseError(f"the last row of the {name} must be [0, 0, 0, 1], got {T[3].tolist()}")
     T[:3, :3] = exact_rotation(T[:3, :3], name, project=project)
     return T
+
+
+def rotation_between(a: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Rotation vector (3,) [rad] that takes the unit vector a (3,) to d (3,) the short way; half a turn has many."""
+    across, along = skew(a) @ d, float(a @ d)
+    sine = math.hypot(*across.tolist())
+    if sine < 1e-12 and along < 0:
+        across = skew(a)[:, np.abs(a).argmin()]
+        return math.pi * across / np.linalg.norm(across)
+    return across * (math.atan2(sine, along) / sine) if sine > 0 else np.zeros(3)

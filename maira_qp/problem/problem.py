@@ -18,7 +18,7 @@ from maira_qp.errors import ConfigurationError, OptionError, listed, shown
 from maira_qp.problem.box import ChangeBox
 from maira_qp.problem.levels import TaskHierarchy
 from maira_qp.problem.limits.joint import AccelerationLimit, Limit, PositionLimit, Tick, VelocityLimit
-from maira_qp.problem.naming import Off, are_same, changed, check_known, places_by_key
+from maira_qp.problem.naming import DIRECTION, POINT, Off, are_same, changed, check_known, places_by_key
 from maira_qp.problem.objectives import LimitDistance, Posture
 from maira_qp.problem.options import Options
 from maira_qp.problem.qp.costs import LevelObjective, TaskCost, tasks_toward
@@ -139,12 +139,26 @@ class Problem:
         return problem, poses if problem.target_keys or not self.target_keys else None
 
     def split(self, target: Any) -> tuple[Any, dict[str, Any]]:
-        """The poses that a call needs to give, out of its target, and the other data. Raises `FrameError`."""
+        """The poses that a call needs to give, out of its target, and the other data.
+
+        Raises `FrameError`, `PoseError`.
+        """
+        keys = self.target_keys
         if not isinstance(target, Mapping):
-            return target, {}
+            return self.takers[keys[0]].target_of(target) if len(keys) == 1 and self.takers else target, {}
         check_known(target, self.places)
-        poses = {key: value for key, value in target.items() if key in self.target_keys}
+        poses = {key: value for key, value in target.items() if key in keys}
+        for key in self.takers.keys() & poses.keys():
+            poses[key] = self.takers[key].target_of(poses[key])
         return poses, {key: value for key, value in target.items() if key not in poses}
+
+    @cached_property
+    def takers(self) -> dict[str, Any]:
+        """The parts that take a target from the call in another form than a pose, none that share it, by their keys."""
+        of_keys = {key: [self.parts[i] for i in self.places[key]] for key in self.target_keys}
+        return {
+            key: parts[0] for key, parts in of_keys.items() if len(parts) == 1 and parts[0].datum in (POINT, DIRECTION)
+        }
 
     def with_values(self, values: Mapping[str, Any], weights: Mapping[str, Any] | None = None) -> Problem:
         """The problem of a call: some parts with other data, and with their weights times factors; 0: switched off.
@@ -153,6 +167,10 @@ class Problem:
         """
         weights = {} if weights is None else weights
         check_known((*values, *weights), self.places)
+        limits = len(self.parts) - len(self.additional_limits)
+        for key, factor in weights.items():
+            if self.places[key][-1] >= limits:
+                self.parts[self.places[key][-1]].scaled(factor)  # refused: a hard limit is not switched off either
         return self._with_parts(changed(self.parts, self.places, values, weights))
 
     def _with_parts(self, parts: tuple[Any, ...]) -> Problem:
@@ -216,11 +234,11 @@ class Problem:
         own = (limit.target_key for limit in self.additional_limits)
         return tuple(dict.fromkeys((*self.hierarchy.target_keys, *(key for key in own if key is not None))))
 
-    def followers(self, at: Configuration) -> list[pin.SE3]:
-        """The poses (K) that are to be the targets, or near them: of the first task or limit of each key."""
+    def followers(self, at: Configuration) -> dict[str, pin.SE3]:
+        """The poses that are to be the targets, or near them: of the first task or limit of each of the K keys."""
         parts = [part for part in (*self.hierarchy.parts, *self.additional_limits) if not part.is_off]
         first = {part.target_key: part for part in reversed(parts) if isinstance(part, (Task, Limit))}
-        return [first[key].actual(at) for key in self.target_keys]
+        return {key: first[key].actual(at) for key in self.target_keys}
 
     @cached_property
     def limits(self) -> tuple[Limit, ...]:

@@ -35,7 +35,9 @@ def in_base(target: Any, problem: Problem, q: np.ndarray | None, in_frame: str |
     if in_frame is not None and base is not None:
         raise OptionError("give in_frame, a frame of the robot, or base, where it stands in a room, not both")
     T = _base_from_room(base) if in_frame is None else _base_from_frame(in_frame, problem.robot, q)
-    return _moved(target, T, problem.data)
+    keys = problem.target_keys
+    bare = problem.data.get(keys[0], POSE) if len(keys) == 1 else POSE
+    return _moved(target, T, problem.data, bare)
 
 
 def _base_from_frame(frame: str, robot: Robot, q: np.ndarray | None) -> np.ndarray:

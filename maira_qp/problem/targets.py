@@ -83,7 +83,7 @@ def checked_target(target: Any, frames: tuple[str, ...], length: float) -> Targe
 def checked_targets(targets: Any, frames: tuple[str, ...], length: float, name: str = "target") -> Targets:
     """The targets of a batch, for an arm of a length [m]; a message calls one by a name.
 
-    They come as (N, 4, 4) for one frame, else as {frame: (N, 4, 4)}, or as N mappings {frame: pose}.
+    They come as (N, 4, 4) for one frame, else as {frame: (N, 4, 4), or one for all}, or as N mappings {frame: pose}.
     Raises `PoseError`, `FrameError`.
     """
     if not frames:
@@ -99,7 +99,8 @@ def checked_targets(targets: Any, frames: tuple[str, ...], length: float, name: 
         targets = {frames[0]: targets}
     if set(targets) != set(frames):
         raise PoseError(_instead(frames, "a mapping {frame: poses} of just these frames"))
-    made = [rows_of(poses_of_batch(targets[frame], name), name) for frame in frames]
+    listed_each = _one_each({frame: targets[frame] for frame in frames})
+    made = [rows_of(poses_of_batch(value, name), name) for value in listed_each]
     each, deviations = [rows for rows, _ in made], [deviation for _, deviation in made]
     if len({len(rows) for rows in each}) > 1:
         raise PoseError(f"as many poses for each frame, not {[len(rows) for rows in each]}")
@@ -109,6 +110,23 @@ def checked_targets(targets: Any, frames: tuple[str, ...], length: float, name: 
         check_distance(rows[i, :, 9:], length, f"{name} {i}")
     rows[np.isnan(rows[:, :, 0]).any(axis=1)] = np.nan
     return Targets(frames, rows, np.max(deviations, axis=0))
+
+
+def _one_each(values: Mapping[str, Any]) -> list[Any]:
+    """The poses of a batch for each key, where one pose may be for all, unless all are single ones."""
+    is_single = [is_pose(value) for value in values.values()]
+    if all(is_single) or not any(is_single):
+        return list(values.values())
+    count = next(len(value) for value, single in zip(values.values(), is_single, strict=True) if not single)
+    return [[value] * count if single else value for value, single in zip(values.values(), is_single, strict=True)]
+
+
+def is_pose(value: Any) -> bool:
+    """Whether a value has the form of a single pose: `pin.SE3`, or four rows of numbers."""
+    if isinstance(value, (pin.SE3, np.ndarray)):
+        return isinstance(value, pin.SE3) or value.ndim == 2
+    rows = list(value) if is_listing(value) else []
+    return bool(rows) and all(is_listing(row) and not any(map(is_listing, row)) for row in rows)
 
 
 def check_distance(p: np.ndarray, length: float, name: str) -> None:

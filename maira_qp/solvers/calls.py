@@ -10,7 +10,7 @@ import numpy as np
 from maira_qp.arrays import is_listing
 from maira_qp.errors import MairaError, OptionError
 from maira_qp.problem.problem import Problem
-from maira_qp.problem.targets import Targets
+from maira_qp.problem.targets import Targets, is_pose
 from maira_qp.solvers.dispatch import Engines
 
 Values = Mapping[str, Any]
@@ -31,11 +31,12 @@ def of_calls(engines: Engines, targets: Any, weights: Any = None) -> tuple[OfCal
     elif isinstance(targets, Sequence) and targets and all(isinstance(one, Mapping) for one in targets):
         poses, own, common = _of_list(problem, targets)
     else:
-        return *engines.of_call(targets, weights), 0
+        of_all, poses = engines.of_call(targets, weights)
+        return of_all, poses, len(targets) if poses is None and is_listing(targets) else 0
     if common or weights:
         engines = engines.with_problem(problem.of_call(common, weights)[0])
     if not any(own):
-        return engines, poses, 0
+        return engines, poses, len(own) or next(iter(_counts(poses).values()), 0)
     return [engines.with_problem(engines.problem.with_values(each)) for each in own], poses, len(own)
 
 
@@ -71,13 +72,20 @@ def _of_mapping(problem: Problem, targets: Values) -> tuple[Any, list[dict[str, 
                 raise
             each[key] = value
     counts = {key: len(value) for key, value in each.items()}
-    if poses and each:
-        first = next(iter(poses))
-        counts[first] = len(poses[first]) if is_listing(poses[first]) else 1
+    several = _counts(poses)
+    counts.update(several if each else {})
+    if each and not several:
+        count = next(iter(counts.values()))
+        poses = {key: [value] * count for key, value in poses.items()}
     if len(set(counts.values())) > 1:
         raise OptionError(f"as many values for each, not {', '.join(f'{n} for {key!r}' for key, n in counts.items())}")
     count = next(iter(counts.values()), 0)
     return poses, [{key: value[i] for key, value in each.items()} for i in range(count)], common
+
+
+def _counts(poses: Mapping[str, Any]) -> dict[str, int]:
+    """How many poses there are for the keys that have more than a single one for all."""
+    return {key: len(value) for key, value in poses.items() if is_listing(value) and not is_pose(value)}
 
 
 def targets_of(problem: Problem, poses: Any, count: int) -> Targets:

@@ -172,8 +172,9 @@ class Engines:
 
     def of_call(self, target: Any, weights: Any = None) -> tuple[Engines, Any]:
         """The engines of a call, and what of its target they need: poses. See `Problem.of_call`."""
-        if weights is None and not (isinstance(target, Mapping) and target.keys() - self.problem.target_keys):
-            return self, target
+        problem = self.problem
+        if weights is None and not (isinstance(target, Mapping) and target.keys() - problem.target_keys):
+            return self, problem.split(target)[0] if problem.takers else target
         problem, poses = self.problem.of_call(target, weights)
         return self if problem is self.problem else self.with_problem(problem), poses
 

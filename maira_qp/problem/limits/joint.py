@@ -126,6 +126,10 @@ class Limit:
         """The key of the target that the limit takes from the call; None: it needs none."""
         return None
 
+    def target_of(self, value: Any) -> Any:
+        """What a call gives as the target, or as targets, as poses: vectors too where the limit takes some."""
+        return value
+
     def toward(self, targets: Mapping[str, pin.SE3]) -> Limit:
         """The same limit with its target out of these, which are not checked again."""
         return self

@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from maira_qp.arrays import is_listing, is_number
 from maira_qp.errors import OptionError, listed, shown
+from maira_qp.problem.aims import along, posed
 from maira_qp.problem.limits.placement import Ranges, TargetLimit
 from maira_qp.problem.limits.turning import angle, tilt, turn_about_z
 from maira_qp.problem.naming import DIRECTION, POSE
@@ -161,6 +162,10 @@ class ConeLimit(TargetLimit):
         if is_listing(value) and not any(map(is_listing, value)):
             return self._with(direction=unit_vector(value, "direction of a ConeLimit"), target=None)
         return self._with(direction=None, target=as_pose(value, "target of a ConeLimit"))
+
+    def target_of(self, value: Any) -> Any:
+        """A pose, or the direction (3,) of the axis, in a call. Raises `PoseError`."""
+        return posed(value, lambda direction: along(direction, self.axis, f"direction of {self.key!r}"))
 
     @property
     def labels(self) -> tuple[str, ...]:

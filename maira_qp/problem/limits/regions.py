@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from maira_qp.arrays import is_number, real_array
 from maira_qp.errors import OptionError, shown
+from maira_qp.problem.aims import at_point, posed
 from maira_qp.problem.limits.placement import EXACT, PlacementLimit, Ranges, TargetLimit, point_of
 from maira_qp.problem.naming import POINT, POSE
 from maira_qp.problem.pose import as_pose, unit_vector
@@ -145,6 +146,10 @@ class DistanceLimit(TargetLimit):
     def with_value(self, value: Any) -> DistanceLimit:
         """With another `point`: (3,), or the origin of a pose. Raises `OptionError`, `PoseError`."""
         return self._with(point=point_of(value, "point of a DistanceLimit"), target=None)
+
+    def target_of(self, value: Any) -> Any:
+        """A pose, or the point (3,) itself, in a call. Raises `PoseError`."""
+        return posed(value, lambda point: at_point(point, f"point of {self.key!r}"))
 
     @property
     def labels(self) -> tuple[str, ...]:

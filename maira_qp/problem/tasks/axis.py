@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.arrays import is_listing, real_array
+from maira_qp.arrays import real_array
 from maira_qp.errors import OptionError
-from maira_qp.orientation import skew
+from maira_qp.orientation import rotation_between, skew
+from maira_qp.problem.aims import along, at_point, is_pose_like, posed
 from maira_qp.problem.naming import DIRECTION, POINT
 from maira_qp.problem.pose import unit_vector
 from maira_qp.problem.tasks.frame import TargetTask
@@ -81,7 +82,8 @@ class AxisTask(_DirectionTask):
     """An axis of a frame is to point along a direction of the base, or along the same axis of a target pose."""
 
     direction: Any = None
-    """(3,) in the base; any length but 0; None: that of the `axis` in the target."""
+    """(3,) in the base; any length but 0; None: that of the `axis` in the target, or what a call gives by the task's
+    key, a direction or a pose."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -107,6 +109,10 @@ class AxisTask(_DirectionTask):
             return self._aimed(target=task.target, direction=None)
         return self._aimed(target=None, direction=unit_vector(value, f"direction of {self.key!r}"))
 
+    def target_of(self, value: Any) -> Any:
+        """A pose, or the direction (3,) of the axis, in a call. Raises `PoseError`."""
+        return posed(value, lambda direction: along(direction, self.axis, f"direction of {self.key!r}"))
+
     def _direction(self, origin: np.ndarray) -> tuple[np.ndarray, None]:
         return (self.target.rotation @ self.axis if self.direction is None else self.direction), None
 
@@ -116,7 +122,8 @@ class LookAtTask(_DirectionTask):
     """An axis of a frame, such as a camera's, is to point at a point, or at the origin of a target pose."""
 
     point: Any = None
-    """(3,) in the base [m]; None: the origin of the target."""
+    """(3,) in the base [m]; None: the origin of the target, or what a call gives by the task's key, a point or a
+    pose."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -142,6 +149,10 @@ class LookAtTask(_DirectionTask):
             return self._aimed(target=task.target, point=None)
         return self._aimed(target=None, point=real_array(value, (3,), f"point of {self.key!r}", OptionError))
 
+    def target_of(self, value: Any) -> Any:
+        """A pose, or the point (3,) that is looked at, in a call. Raises `PoseError`."""
+        return posed(value, lambda point: at_point(point, f"point of {self.key!r}"))
+
     def _direction(self, origin: np.ndarray) -> tuple[np.ndarray, float]:
         away = (self.target.translation if self.point is None else self.point) - origin
         distance = max(math.hypot(*away.tolist()), NEAR)
@@ -150,19 +161,3 @@ class LookAtTask(_DirectionTask):
 
 NEAR = 1e-9
 """A point nearer than this [m] to the frame is in no direction."""
-
-
-def rotation_between(a: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Rotation vector (3,) [rad] that takes the unit vector a (3,) to d (3,) the short way; half a turn has many."""
-    across, along = skew(a) @ d, float(a @ d)
-    sine = math.hypot(*across.tolist())
-    if sine < 1e-12 and along < 0:
-        across = skew(a)[:, np.abs(a).argmin()]
-        return math.pi * across / np.linalg.norm(across)
-    return across * (math.atan2(sine, along) / sine) if sine > 0 else np.zeros(3)
-
-
-def is_pose_like(value: Any) -> bool:
-    """Whether a value is meant for a pose, and not for a vector (3,)."""
-    is_array = isinstance(value, (list, tuple, np.ndarray)) and is_listing(value)
-    return isinstance(value, pin.SE3) or (is_array and any(map(is_listing, value)))

@@ -56,6 +56,10 @@ class LimitTask(Task):
         """The key of the target that the limit takes from the call, if it needs one."""
         return None if self.limit.target_key is None else self.key
 
+    def target_of(self, value: Any) -> Any:
+        """As the limit takes it. Raises `PoseError`."""
+        return self.limit.target_of(value)
+
     def toward(self, targets: Mapping[str, pin.SE3]) -> LimitTask:
         """The same with the limit's target."""
         if self.limit.target_key is None:

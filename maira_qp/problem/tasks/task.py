@@ -105,6 +105,10 @@ class Task(ABC):
         """The task, bound to a robot, with another datum: its target, point, angle ... Raises `OptionError`."""
         raise OptionError(f"{self.key!r}, a {type(self).__name__}, {NO_DATUM}")
 
+    def target_of(self, value: Any) -> Any:
+        """What a call gives as the target, or as targets, as poses: vectors too where the task takes some."""
+        return value
+
     def scaled(self, factor: float) -> Task:
         """The task, bound to a robot, with its weights times a factor > 0. Raises `OptionError` if it has none."""
         own = {name: getattr(self, name) for name in WEIGHTS if getattr(self, name, None) is not None}

@@ -9,8 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.kernels.layout import Axes, Kind, Place, TaskRow
+from maira_qp.orientation import rotation_between
 from maira_qp.problem.targets import row_of
-from maira_qp.problem.tasks.axis import AxisTask, LookAtTask, rotation_between
+from maira_qp.problem.tasks.axis import AxisTask, LookAtTask
 from maira_qp.problem.tasks.frame import FrameTask, OrientationTask, PoseTask, PositionTask, TargetTask
 from maira_qp.problem.tasks.joints import DampingTask, JointCouplingTask, JointVelocityTask
 from maira_qp.problem.tasks.relative import RelativePoseTask

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from maira_qp.kernels.control.hand_motion import JUMPED, follow_hands
 from maira_qp.kernels.spatial.pose_validation import FINE
 from maira_qp.orientation import ORTHONORMAL_WITHIN
 from maira_qp.problem.problem import Problem
+from maira_qp.problem.targets import checked_target
 from maira_qp.solvers.streaming.clutch import Clutch
 
 
@@ -50,9 +52,25 @@ class HandMap:
         alignment = like.alignment.copy()  # writable, as kernels are compiled for
         return HandMap(problem, max_jump, clutch is not None, alignment, like.scale, like.rotation_scale)
 
+    @cached_property
+    def keys(self) -> tuple[str, ...]:
+        """The K keys of the targets that frames follow; what an axis points at or along is none."""
+        return tuple(key for key in self.problem.target_keys if key not in self.problem.takers)
+
+    def sorted_out(self, target: Any) -> tuple[Any, dict[str, Any]]:
+        """The poses that frames follow out of a target, None for none, and other data. Raises `MairaError`."""
+        problem = self.problem
+        if not (problem.takers or isinstance(target, Mapping)) or target is None:
+            return target, {}
+        poses, values = problem.split(target)
+        if not isinstance(target, Mapping):
+            return (None, {problem.target_keys[0]: poses}) if len(problem.target_keys) == 1 else (target, {})
+        aims = {key: value for key, value in poses.items() if key in problem.takers}
+        return {key: value for key, value in poses.items() if key not in aims} or None, {**values, **aims}
+
     def anywhere(self) -> Hands:
         """No hands to compare with."""
-        return Hands(np.full((len(self.problem.target_keys), 12), np.nan))
+        return Hands(np.full((len(self.keys), 12), np.nan))
 
     def at_tools(self, q: np.ndarray) -> Hands:
         """Hands that are where the tools are at q (n,)."""
@@ -61,8 +79,9 @@ class HandMap:
 
     def tools(self, q: np.ndarray) -> np.ndarray:
         """Where the tools (K, 4, 4) are at q (n,)."""
-        at = self.problem.robot.at(q)
-        return np.array([pose.homogeneous for pose in self.problem.followers(at)]).reshape(-1, 4, 4)
+        followers = self.problem.followers(self.problem.robot.at(q))
+        T = [followers[key].homogeneous for key in self.keys]
+        return np.array(T).reshape(-1, 4, 4)
 
     def moved(self, hands: Hands, target: Any, tools: np.ndarray | None) -> Hands | str:
         """The hands and targets after a target from the caller, or why it is not followed.
@@ -73,7 +92,7 @@ class HandMap:
         after = None if given is None else self._followed(hands, given, tools)
         if after is None:  # rounded, or to be refused in words
             try:
-                rows = self.problem.target(target).rows[0]
+                rows = checked_target(target, self.keys, self.problem.robot.length).rows[0]
             except MairaError as error:
                 return str(error)
             after = self._followed(hands, _matrices(rows), tools)
@@ -82,7 +101,7 @@ class HandMap:
 
     def _native(self, target: Any) -> np.ndarray | None:
         """The poses of a target (K, 4, 4), unchecked; None for what may be none."""
-        frames = self.problem.target_keys
+        frames = self.keys
         if isinstance(target, Mapping):
             given = [_matrix(target.get(frame)) for frame in frames]
             matrices = [T for T in given if T is not None]
@@ -116,7 +135,7 @@ class HandMap:
     def _jump(self, hands: Hands, out: np.ndarray) -> str:
         """In words how far the hand of `out` (9,), see `follow_hands`, is from the last."""
         index, distance, angle = out[:3].tolist()
-        frames, (most, widest) = self.problem.target_keys, self.max_jump.tolist()
+        frames, (most, widest) = self.keys, self.max_jump.tolist()
         name = "target" if len(frames) == 1 else f"target of {frames[int(index)]!r}"
         last = "tool" if hands.goals is None and not self.is_relative else "last one"
         allowed = f"max_jump: {1e3 * most:.4g} mm, {math.degrees(widest):.4g} degrees"

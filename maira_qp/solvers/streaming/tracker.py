@@ -9,7 +9,6 @@ behind, and a loop that is closed over them is slow or swings.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -90,14 +89,14 @@ class Tracker(Shown):
             raise OptionError(f"clutch must be something like mq.Clutch(scale=0.5), got {shown(clutch)}")
         if velocity is not None or acceleration is not None:
             solver = solver.limited(velocity=velocity, acceleration=acceleration)
-        self._keys = solver.problem.target_keys
-        if clutch is not None and not self._keys:
-            raise OptionError("a clutch moves targets, and the solver's tasks take none from the call")
         from maira_qp.solvers.streaming.hands import HandMap  # heavy: Numba comes with it
         from maira_qp.solvers.streaming.limiting import Limiting
 
         self._solver, self._clutch = solver, clutch
         self._map = HandMap.of(solver.problem, clutch, _positive(max_jump, (2,), "max_jump"))
+        self._keys = self._map.keys
+        if clutch is not None and not self._keys:
+            raise OptionError("a clutch moves targets, and the solver's tasks take none from the call")
         self._timeout = float(_positive(timeout, (), "timeout"))
         self._max_following_error = float(_positive(max_following_error, (), "max_following_error"))
         position, orientation = _positive(tolerance, (2,), "tolerance").tolist()
@@ -123,9 +122,10 @@ class Tracker(Shown):
     def _compile(self) -> None:
         """Run what a tick runs, so that kernels are compiled, or loaded, before the first one."""
         T = self._map.tools(self._q)
-        target = self._by_key(T) if self._keys else None
-        if target is not None:
-            self._map.moved(self._map.anywhere(), target, T)
+        if self._keys:
+            self._map.moved(self._map.anywhere(), self._by_key(T), T)
+        problem = self._solver.problem
+        target = problem.followers(problem.robot.at(self._q)) or None
         step = self._solver.step(self._q, target, 1e-3, velocity=self._velocity)
         self._limiting.reason(self._q, self._velocity, step, 1e-3, self._tolerance)
 
@@ -201,7 +201,8 @@ class Tracker(Shown):
 
         Args:
             target: the newest pose, `pin.SE3` or (4, 4) [m], with several frames {frame: pose}; None: none came. In a
-                mapping whatever else `Solver.step` takes by name, such as a posture: it holds until another comes.
+                mapping whatever else `Solver.step` takes by name, such as a posture or the point that a `LookAtTask` is
+                to look at: it holds until another comes.
             dt: length of the tick [s]; it may vary. If it is no length of time, the arm keeps its last command.
             measured: where the robot is (n,) [rad or m]: while a joint is farther than `max_following_error` from its
                 last command the tracker holds, so that it does not run away from a robot that is blocked or slow.
@@ -209,12 +210,11 @@ class Tracker(Shown):
         if not (is_number(dt) and 0 < dt < math.inf):
             return self._holding(f"the length of a tick must be a positive number of seconds, got {shown(dt)}")
         dt, values = float(dt), self._values
-        if isinstance(target, Mapping):
-            try:
-                target, given = self._solver.problem.split(target)
-            except MairaError as error:
-                return self._brake(str(error), dt)
-            target, values = target or None, {**values, **given}
+        try:
+            target, given = self._map.sorted_out(target)
+        except MairaError as error:
+            return self._brake(str(error), dt)
+        values = {**values, **given} if given else values
         self._silence = self._silence + dt if target is None else 0.0
         reason = self._hold or self._reason_to_wait(dt) or self._lag(measured)
         if reason:
@@ -269,7 +269,7 @@ class Tracker(Shown):
         """A step toward targets, and with other data of the solver's tasks."""
         target = None if hands.goals is None else self._by_key(hands.goals)
         q, velocity, asked = self._q, self._velocity, target
-        if values:
+        if values or self._map.problem.takers:
             poses = () if hands.goals is None else zip(self._keys, hands.goals, strict=True)
             asked = {**dict(poses), **values}
         step = self._solver.step(q, asked, dt, velocity=velocity)

@@ -186,6 +186,8 @@ def test_where_everything_is_switched_off_the_arm_stands(maira, q):
             solution = solver.solve(target, q0, weights=off)
             assert solution.success
             np.testing.assert_array_equal(solution.q, there)
+    for targets in ([T, T], {"tool0": [T, T]}, [{"tool0": T}] * 2, {"tool0": [T, T], "posture": q}):
+        np.testing.assert_array_equal(solver.solve_batch(targets, q, weights=off).q, [q, q])
     nothing = mq.Solver(maira, task=mq.PositionTask(position_weight=0))
     assert not nothing.step(q, None, DT).velocity.any()
     assert nothing.solve({"tool0": T}, q).success
@@ -262,13 +264,16 @@ def test_two_tasks_of_one_frame_may_have_two_targets(maira, q):
         (None, {"posture": -1}, OptionError, "'posture' is multiplied by a number >= 0"),
         (None, {"posture": np.nan}, OptionError, "'posture' is multiplied by a number >= 0"),
         (None, [1, 2], OptionError, "weights must be a mapping"),
+        (None, {"cell": 0}, OptionError, "'cell' is a hard limit"),
+        (None, {"cell": 2}, OptionError, "'cell' is a hard limit"),
         ({"posture": [1, 2]}, None, OptionError, "reference of 'posture'"),
         ({"posture": np.zeros(7), "tool0": None}, None, PoseError, "target"),
         ({"posture": np.zeros(7)}, {}, PoseError, "the tasks need a target"),
     ],
 )
 def test_what_is_no_name_and_no_datum_is_said(maira, q, target, weights, error, words):
-    solver = mq.Solver(maira, redundancy=mq.Strict(mq.Posture()))
+    cell = mq.BoxLimit(upper=[3, 3, 3], name="cell")
+    solver = mq.Solver(maira, limits=[cell], redundancy=mq.Strict(mq.Posture()))
     for call in (
         lambda: solver.solve(target, q, weights=weights),
         lambda: solver.step(q, target, DT, weights=weights),
