@@ -67,8 +67,8 @@ def _of_mapping(problem: Problem, targets: Values) -> tuple[Any, list[dict[str, 
         try:
             problem.with_values({key: value})
             common[key] = value
-        except MairaError:
-            if not is_listing(value):
+        except MairaError:  # one for each call, then, if any of them can be
+            if not is_listing(value) or (len(value) and not any(_is_datum(problem, key, one) for one in value)):
                 raise
             each[key] = value
     counts = {key: len(value) for key, value in each.items()}
@@ -86,6 +86,15 @@ def _of_mapping(problem: Problem, targets: Values) -> tuple[Any, list[dict[str, 
 def _counts(poses: Mapping[str, Any]) -> dict[str, int]:
     """How many poses there are for the keys that have more than a single one for all."""
     return {key: len(value) for key, value in poses.items() if is_listing(value) and not is_pose(value)}
+
+
+def _is_datum(problem: Problem, key: str, value: Any) -> bool:
+    """Whether the part of this key takes a value."""
+    try:
+        problem.with_values({key: value})
+    except MairaError:
+        return False
+    return True
 
 
 def targets_of(problem: Problem, poses: Any, count: int) -> Targets:

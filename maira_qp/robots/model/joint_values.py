@@ -73,5 +73,6 @@ def joint_order(names: Any, joint_names: tuple[str, ...]) -> np.ndarray:
     missing = [name for name in joint_names if name not in places]
     if missing:
         there = [name for name in places if name not in joint_names]
-        raise OptionError(f"names: {', '.join(map(repr, missing))} is missing; other {listed(there, missing[0])}")
+        others = f"; other {listed(there, missing[0])}" if there else ""
+        raise OptionError(f"names: {', '.join(map(repr, missing))} is missing{others}")
     return np.array([places[name] for name in joint_names], dtype=np.intp)

@@ -50,6 +50,8 @@ def test_order_sorts_the_values_of_a_joint_state(name, rng):
 
 def test_order_names_what_is_missing_and_what_there_is(panda):
     names = [*panda.joint_names[1:], "panda_joint_1"]
+    with pytest.raises(OptionError, match=r"'panda_joint7' is missing$"):
+        panda.order(panda.joint_names[:-1])
     with pytest.raises(OptionError, match=r"'panda_joint1' is missing.*did you mean 'panda_joint_1'"):
         panda.order(names)
     with pytest.raises(OptionError, match="'panda_joint2' is named twice"):

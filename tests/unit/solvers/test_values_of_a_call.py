@@ -304,6 +304,9 @@ def test_a_batch_takes_a_datum_for_all_or_one_each(maira, q, other):
     spoilt = solver.solve_batch({"tool0": T, "posture": postures}, q)
     assert spoilt.status[1] == mq.Status.INVALID_TARGET
     assert np.isfinite(spoilt.q[[0, 2]]).all()
+    for wrong in (np.full(maira.n, np.nan), np.zeros(maira.n - 1)):  # none of their numbers is a posture
+        with pytest.raises(OptionError, match="reference of 'posture' must be"):
+            solver.solve_batch({"tool0": T, "posture": wrong})
     with pytest.raises(OptionError, match="as many values for each"):
         solver.solve_batch({"tool0": T, "posture": postures[:2]}, q)
     with pytest.raises(FrameError, match="no task 'gaze'"):
