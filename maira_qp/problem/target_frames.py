@@ -36,7 +36,7 @@ def in_base(target: Any, problem: Problem, q: np.ndarray | None, in_frame: str |
         raise OptionError("give in_frame, a frame of the robot, or base, where it stands in a room, not both")
     T = _base_from_room(base) if in_frame is None else _base_from_frame(in_frame, problem.robot, q)
     keys = problem.target_keys
-    bare = problem.data.get(keys[0], POSE) if len(keys) == 1 else POSE
+    bare = problem.data.get(keys[0], "") if len(keys) == 1 else POSE
     return _moved(target, T, problem.data, bare)
 
 
@@ -74,6 +74,8 @@ def _moved(target: Any, T: np.ndarray, data: Mapping[str, str], datum: str = POS
         if any(isinstance(each, Mapping) for each in target):
             return [_moved(each, own, data) for each, own in zip(target, _one_each(T, len(target)), strict=True)]
         target = [each.homogeneous if isinstance(each, pin.SE3) else each for each in target]
+    if not datum:
+        return target
     try:
         values = np.asarray(target, dtype=np.float64)
     except (TypeError, ValueError):

@@ -193,7 +193,8 @@ def test_what_stands_in_no_base_is_not_moved(rng):
     left, right = arms.tips
     held = arms.forward(arms.middle, right).inverse() * arms.forward(arms.middle, left)
     solver = mq.Solver(arms, task=mq.RelativePoseTask(frame=left, reference=right))
-    assert np.abs(solver.step(arms.middle, {left: held}, 0.01, base=ROOM).velocity).max() < 1e-6
+    for target in (held, {left: held}):
+        assert np.abs(solver.step(arms.middle, target, 0.01, base=ROOM).velocity).max() < 1e-6
     four = mq.Robot.from_dh([mq.DHLink(a=0.3, lower=-2, upper=2)] * 4)
     solver, q = mq.Solver(four, task=mq.PositionTask(), redundancy=mq.Strict(mq.Posture())), four.middle + 0.3
     targets = {"tool0": [four.forward(q)] * 4, "posture": rng.uniform(-1, 1, (4, 4))}
