@@ -195,7 +195,7 @@ class _Question:
             redundancy=Strict(Posture(self.q, held)),
             options=replace(options, max_restarts=restarts if everywhere else 0, deadline=None),
         )
-        return self.resolve(problem, self.poses, self.q)
+        return self.resolve(problem, {key: self.poses[key] for key in problem.target_keys}, self.q)
 
     def is_within(self, q: np.ndarray) -> bool:
         """Whether q (n,), which solves the tasks without some limits, keeps all of them."""

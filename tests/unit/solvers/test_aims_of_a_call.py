@@ -130,3 +130,13 @@ def test_a_tracker_of_an_axis_alone_turns_it(maira, q):
     for _ in range(200):
         command = tracker.update(POINT, DT)
     assert command.orientation_error < 1e-6
+
+
+def test_an_answer_with_aims_that_a_limit_stops_is_explained(maira, q):
+    cell = mq.BoxLimit(upper=maira.forward(q).translation + 0.1, name="cell")
+    gaze = mq.LookAtTask(frame="link6", priority=2, name="gaze")
+    beyond = mq.pose([0.4, 0.0, 0.0]) * maira.forward(q)
+    s = mq.Solver(maira, tasks=[gaze], limits=[cell]).solve({"tool0": beyond, "gaze": POINT}, q)
+    assert not s.success
+    assert "cell x upper" in s.active_limits
+    assert "away from the target" in str(s.explain())
