@@ -22,7 +22,7 @@ from maira_qp.problem.limits.joint import Tick
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.backends import Backend, available
 from maira_qp.problem.qp.costs import TaskCost
-from maira_qp.problem.targets import SEED_0, Poses, Targets, poses_of
+from maira_qp.problem.targets import SEED_0, Poses, Targets, is_pose, poses_of
 from maira_qp.results.batch import BatchSolution
 from maira_qp.results.path_solution import PathSolution, Rules
 from maira_qp.results.solution import Solution, solution_of
@@ -188,6 +188,16 @@ class Engines:
             return self
         targets = target if isinstance(target, Targets) else self.problem.target(target)
         return self.with_problem(self.problem.toward(targets.poses()))
+
+    def about_one(self, path: Any) -> tuple[Engines, Any]:
+        """The engines of a path with hard limits about what is one for all of its poses, and the rest of the path."""
+        problem = self.problem
+        if not (problem.limits_need_targets and isinstance(path, Mapping)):
+            return self, path
+        keys = path.keys() - problem.hierarchy.target_keys
+        values = {key: path[key] for key in keys if is_pose(path[key])}
+        rest = {key: value for key, value in path.items() if key not in values}
+        return (self.with_problem(problem.with_values(values)), rest) if values else (self, path)
 
     @cached_property
     def of_solves(self) -> Engines:
@@ -441,7 +451,7 @@ class Engines:
 
         for limit in self.problem.additional_limits:
             if limit.target_key is not None:
-                return f"its {type(limit).__name__} is about the target of a call, and needs a target of its own"
+                return f"its {type(limit).__name__} is about the target of a call, and needs one for all poses"
         return f"{self.refusal}{hint(self.problem)}" if self.following is None else ""
 
     def track(

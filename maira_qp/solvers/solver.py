@@ -460,6 +460,7 @@ class Solver(Shown):
         check_callable(progress, "progress", OptionError)
         solver, start = self._for(tool), self.problem.start(q0)
         engines, path = solver._of_call(solver.engines.of_solves, path, None, start, in_frame, base)
+        engines, path = engines.about_one(path)
         targets = engines.problem.targets(path, "path pose")
         if not targets.is_finite.all():
             raise PoseError(f"the path pose {int(np.flatnonzero(~targets.is_finite)[0])} holds NaN or inf")

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import maira_qp as mq
-from maira_qp.errors import PoseError
+from maira_qp.errors import OptionError, PoseError
 
 DT = 0.01
 POINT, UP = np.array([1.0, 0.2, 0.4]), np.array([0.1, 0.3, 0.9])
@@ -140,3 +140,17 @@ def test_an_answer_with_aims_that_a_limit_stops_is_explained(maira, q):
     assert not s.success
     assert "cell x upper" in s.active_limits
     assert "away from the target" in str(s.explain())
+
+
+def test_a_path_keeps_a_limit_about_an_aim_that_is_one_for_all_poses(maira, q):
+    path = [mq.pose([0.01 * k, 0.0, 0.0]) * maira.forward(q) for k in range(5)]
+    elbow = {"frame": "link4", "lower": 0.5, "name": "apart"}
+    there = maira.forward(q, "link4").translation + np.array([0.2, 0.2, 0.0])
+    solver, built = (mq.Solver(maira, limits=[mq.DistanceLimit(**elbow, **own)]) for own in ({}, {"point": there}))
+    followed = solver.track({"tool0": path, "apart": there})
+    assert followed.success.all()
+    np.testing.assert_array_equal(followed.q, built.track(path).q)
+    far = [np.linalg.norm(maira.forward(each, "link4").translation - there) for each in followed.q]
+    assert min(far) >= 0.5 - 1e-9
+    with pytest.raises(OptionError, match="needs one for all poses"):
+        solver.track({"tool0": path, "apart": [there] * 5})
