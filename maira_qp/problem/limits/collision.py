@@ -80,7 +80,7 @@ class CollisionLimit(Limit):
     1,000 random configurations, always the same ones; the path of an SRDF file: those of its `<disable_collisions>`; or
     pairs of names of links and obstacles."""
     meshes: Sequence[str | os.PathLike[str]] = ()
-    """Directories in which `package://` and relative mesh files are sought."""
+    """Directories in which `package://` and relative mesh files are sought, then above the robot's URDF file."""
     missing: Literal["error", "ignore"] = "error"
     """What happens if a mesh of the robot is not found: an `OptionError`, or it is left out with a warning."""
     name: str | None = None

@@ -164,7 +164,7 @@ class ConeLimit(TargetLimit):
         return self._with(direction=None, target=as_pose(value, "target of a ConeLimit"))
 
     def target_of(self, value: Any) -> Any:
-        """A pose, or the direction (3,) of the axis, in a call. Raises `PoseError`."""
+        """The `value` of a call as a pose: a pose, or the direction (3,) of the axis. Raises `PoseError`."""
         return posed(value, lambda direction: along(direction, self.axis, f"direction of {self.key!r}"))
 
     @property

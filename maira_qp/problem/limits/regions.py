@@ -148,7 +148,7 @@ class DistanceLimit(TargetLimit):
         return self._with(point=point_of(value, "point of a DistanceLimit"), target=None)
 
     def target_of(self, value: Any) -> Any:
-        """A pose, or the point (3,) itself, in a call. Raises `PoseError`."""
+        """The `value` of a call as a pose: a pose, or the point (3,) itself. Raises `PoseError`."""
         return posed(value, lambda point: at_point(point, f"point of {self.key!r}"))
 
     @property

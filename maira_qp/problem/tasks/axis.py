@@ -110,7 +110,7 @@ class AxisTask(_DirectionTask):
         return self._aimed(target=None, direction=unit_vector(value, f"direction of {self.key!r}"))
 
     def target_of(self, value: Any) -> Any:
-        """A pose, or the direction (3,) of the axis, in a call. Raises `PoseError`."""
+        """The `value` of a call as a pose: a pose, or the direction (3,) of the axis. Raises `PoseError`."""
         return posed(value, lambda direction: along(direction, self.axis, f"direction of {self.key!r}"))
 
     def _direction(self, origin: np.ndarray) -> tuple[np.ndarray, None]:
@@ -150,7 +150,7 @@ class LookAtTask(_DirectionTask):
         return self._aimed(target=None, point=real_array(value, (3,), f"point of {self.key!r}", OptionError))
 
     def target_of(self, value: Any) -> Any:
-        """A pose, or the point (3,) that is looked at, in a call. Raises `PoseError`."""
+        """The `value` of a call as a pose: a pose, or the point (3,) that is looked at. Raises `PoseError`."""
         return posed(value, lambda point: at_point(point, f"point of {self.key!r}"))
 
     def _direction(self, origin: np.ndarray) -> tuple[np.ndarray, float]:

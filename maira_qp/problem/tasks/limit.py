@@ -57,7 +57,7 @@ class LimitTask(Task):
         return None if self.limit.target_key is None else self.key
 
     def target_of(self, value: Any) -> Any:
-        """As the limit takes it. Raises `PoseError`."""
+        """The `value` of a call as the limit takes it. Raises `PoseError`."""
         return self.limit.target_of(value)
 
     def toward(self, targets: Mapping[str, pin.SE3]) -> LimitTask:

@@ -39,12 +39,14 @@ class LinkShape(NamedTuple):
 def link_shapes(
     robot: Robot, directories: Iterable[str | os.PathLike[str]] = (), ignore_missing: bool = False
 ) -> list[LinkShape]:
-    """All collision shapes of a robot; meshes, sought in `directories`, become their convex hulls.
+    """All collision shapes of a robot; meshes become their convex hulls.
+
+    They are sought in `directories`, and then above the file that the robot is from.
 
     Raises `OptionError` for a mesh file that is not found, unless missing ones are ignored with a warning; `RobotError`
     for a description that makes no sense.
     """
-    directories = tuple(directories)
+    directories = (*directories, *robot.mesh_folders)
     shapes: list[LinkShape] = []
     for link in ElementTree.fromstring(robot.urdf).findall("link"):
         for element in link.findall("collision"):

@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -41,12 +42,16 @@ from maira_qp.robots.srdf.reader import read_srdf
 from maira_qp.robots.srdf.semantics import Semantics
 from maira_qp.robots.urdf.model import model_of
 from maira_qp.robots.urdf.reader import Chain, link_tree, read_urdf
-from maira_qp.robots.urdf.safe_xml import xml_root
+from maira_qp.robots.urdf.safe_xml import is_text, xml_root
 from maira_qp.robots.urdf.writer import urdf_text
 from maira_qp.robots.urdf.xacro import expanded, is_xacro
 
 if TYPE_CHECKING:
     from maira_qp.robots.model.arrays import KinematicTree
+
+
+PACKAGE_DEPTH = 8
+"""So many folders above a URDF file may hold the packages of its meshes."""
 
 
 class Robot(Shown):
@@ -267,7 +272,8 @@ class Robot(Shown):
                 raise OptionError(f"a group has its own tip and base: give group={shown(group)}, or those")
             base, tip = semantics.ends(group, link_tree(source))
         chain = read_urdf(source, tip=tip, base=base, limits=limits)
-        read = URDFSource(chain.urdf, chain.tips, chain.base, chain.resting)
+        folders = () if is_text(source) else tuple(map(str, Path(source).resolve().parents[:PACKAGE_DEPTH]))
+        read = URDFSource(chain.urdf, chain.tips, chain.base, chain.resting, folders)
         return cls._of_chain(chain, read, semantics)._with_tool(tool)
 
     @classmethod
@@ -559,6 +565,11 @@ class Robot(Shown):
         """What a joint that mimics another does; nothing for one that does not."""
         mimic = self._part.mimic
         return f"the joint {name!r} follows {mimic[name][0]!r}, which can be locked" if name in mimic else ""
+
+    @property
+    def mesh_folders(self) -> tuple[str, ...]:
+        """Folders above the URDF file, nearest first, in which meshes are sought: `package://NAME/...` too."""
+        return self._description.source.mesh_folders
 
     @cached_property
     def urdf(self) -> str:

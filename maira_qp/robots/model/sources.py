@@ -30,6 +30,8 @@ class Source(ABC):
     dh: DHTable | None = None
     """The DH table, if it is one."""
     has_urdf = True
+    mesh_folders: tuple[str, ...] = ()
+    """Where the meshes that it names may be"""
 
     @abstractmethod
     def text(self) -> str:
@@ -53,6 +55,7 @@ class URDFSource(Source):
     base: str
     resting: Mapping[str, Joint] = field(default_factory=dict)
     """See `maira_qp.robots.urdf.reader.Chain`"""
+    mesh_folders: tuple[str, ...] = ()
 
     def text(self) -> str:
         """The text."""
