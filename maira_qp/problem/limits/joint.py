@@ -127,7 +127,7 @@ class Limit:
         return None
 
     def target_of(self, value: Any) -> Any:
-        """The `value` that a call gives as the target, or as targets, as poses; vectors too where the limit takes some."""
+        """The `value` that a call gives as target, or as targets, as poses; vectors too where the limit takes some."""
         return value
 
     def toward(self, targets: Mapping[str, pin.SE3]) -> Limit:

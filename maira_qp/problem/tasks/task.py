@@ -106,7 +106,7 @@ class Task(ABC):
         raise OptionError(f"{self.key!r}, a {type(self).__name__}, {NO_DATUM}")
 
     def target_of(self, value: Any) -> Any:
-        """The `value` that a call gives as the target, or as targets, as poses; vectors too where the task takes some."""
+        """The `value` that a call gives as target, or as targets, as poses; vectors too where the task takes some."""
         return value
 
     def scaled(self, factor: float) -> Task:
