@@ -390,7 +390,7 @@ def test_a_path_is_made_followed_scrubbed_played_explained_and_left(tab, viewer)
         chooser.value.set_files({"name": "ring.csv", "mimeType": "text/csv", "buffer": content.encode()})
         if told:
             tab.page.get_by_text(told).first.wait_for(timeout=1000 * PATIENCE)
-            assert session.route.kind == "waypoints"
+            assert session.route.kind == "corners"
     tab.page.get_by_text("ring.csv: 2 poses").wait_for(timeout=1000 * PATIENCE)
     tab.unfold("Circle or file")
     tab.click("Follow")

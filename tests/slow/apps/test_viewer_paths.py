@@ -10,7 +10,7 @@ from maira_qp.apps.viewer import readout
 from maira_qp.apps.viewer.drawing.path import MOST_SEGMENTS, segments, thinned
 from maira_qp.apps.viewer.drawing.surroundings import MARGIN
 from maira_qp.apps.viewer.paths import words
-from maira_qp.apps.viewer.paths.route import MOST_POSES, MOST_WAYPOINTS, Route
+from maira_qp.apps.viewer.paths.route import MOST_CORNERS, MOST_POSES, Route
 from maira_qp.apps.viewer.saving import save
 from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.view import Standing, View
@@ -57,11 +57,11 @@ def moved(T: np.ndarray, *way: float) -> np.ndarray:
 
 
 def recorded(session: Session, *poses: np.ndarray) -> None:
-    """Waypoints, each after the arm was moved there."""
+    """Corners, each after the arm was moved there."""
     for T in poses:
         session.move_target(T)
         tick(session, 5)
-        session.lay(session.route.with_waypoint(session.target.homogeneous))
+        session.lay(session.route.with_corner(session.target.homogeneous))
 
 
 @pytest.fixture
@@ -87,7 +87,7 @@ def turn_too_many() -> np.ndarray:
     )
 
 
-def test_recorded_waypoints_are_joined_by_lines_and_followed(session, home):
+def test_recorded_corners_are_joined_by_lines_and_followed(session, home):
     corners = home, moved(home, 0, 0.2, 0), moved(home, 0, 0.2, 0.2)
     recorded(session, *corners)
     np.testing.assert_array_equal(session.route.given, corners)
@@ -173,7 +173,7 @@ def test_undo_and_clear(session, home):
     session.lay(session.route.without_last())
     view = tick(session)
     assert view.path.station is None
-    assert "1 waypoint: 1 pose" in readout.path(view)
+    assert "1 corner: 1 pose" in readout.path(view)
     for _ in range(2):
         session.lay(session.route.without_last())
     assert len(session.route) == 0
@@ -272,7 +272,7 @@ def test_what_is_not_proved_is_not_said_to_be(panda):
 
 
 def test_a_loop_ends_as_it_begins(session, home):
-    """Waypoints are closed by a line; a circle is closed already."""
+    """Corners are closed by a line; a circle is closed already."""
     recorded(session, home, moved(home, 0, 0.1, 0), moved(home, 0, 0.1, 0.1))
     count = len(session.route)
     session.lay(session.route.closed(True))
@@ -313,7 +313,7 @@ def test_the_start_is_that_of_the_arm_or_any(session, home):
     tick(session)
     here = session.q
     recorded(session, session.target.homogeneous)
-    session.lay(session.route.with_waypoint(moved(session.target.homogeneous, 0, 0, -0.05)))
+    session.lay(session.route.with_corner(moved(session.target.homogeneous, 0, 0, -0.05)))
     session.follow_path(True)
     np.testing.assert_allclose(tick(session, 2).path.followed.solution.q[0], here, atol=1e-6)
     session.follow_path(False)
@@ -410,7 +410,7 @@ def test_whatever_moves_the_arm_leaves_the_path(session, home, leave):
         "swivel": lambda: session.set_swivel(session.elbow.psi + 0.3),
         "stop": session.stop,
         "play": session.play,
-        "lay": lambda: session.lay(session.route.with_waypoint(home)),
+        "lay": lambda: session.lay(session.route.with_corner(home)),
         "method": lambda: session.use("none", 1e-3),
     }[leave]()
     for _ in range(60):
@@ -478,12 +478,12 @@ def test_paths_that_are_too_long_are_refused_before_they_are_made(session, home)
         with pytest.raises(OptionError, match="spacing"):
             session.lay(session.route.spaced(spacing))
     route = session.route.spaced(1e-3)
-    for k in range(MOST_WAYPOINTS):
-        route = route.with_waypoint(moved(home, 0, 0.5 * (k % 2), 0))
+    for k in range(MOST_CORNERS):
+        route = route.with_corner(moved(home, 0, 0.5 * (k % 2), 0))
     with pytest.raises(OptionError, match="99500 poses"):
         session.lay(route)
-    with pytest.raises(OptionError, match="waypoints"):
-        route.with_waypoint(home)
+    with pytest.raises(OptionError, match="corners"):
+        route.with_corner(home)
     with pytest.raises(OptionError, match=f"at most {MOST_POSES}"):
         session.lay(session.route.with_file("long.csv", np.repeat(home[None], MOST_POSES + 1, axis=0)))
     for radius in (0.0, -1.0, np.nan, 1e6):
@@ -498,8 +498,8 @@ def test_a_circle_runs_about_the_target_at_its_radius(session, home):
     np.testing.assert_allclose(np.linalg.norm(points[:, :2], axis=1), 0.1, atol=1e-12)
     np.testing.assert_allclose(points[:, 2], 0, atol=1e-12)
     assert "circle of 100 mm radius" in readout.path(tick(session))
-    session.lay(session.route.with_waypoint(home))
-    assert session.route.kind == "waypoints"
+    session.lay(session.route.with_corner(home))
+    assert session.route.kind == "corners"
     assert len(session.route) == 1
 
 
@@ -542,12 +542,12 @@ def test_the_session_stands_whatever_is_asked_of_it_and_of_a_path_in_whatever_or
         lambda: session.set_swivel(rng.uniform(-4, 4)),
         lambda: session.use(str(rng.choice(["strict", "none"])), 1e-3),
         lambda: session.stop(),
-        lambda: session.lay(session.route.with_waypoint(session.target.homogeneous)),
-        lambda: session.lay(session.route.with_waypoint(session.target.homogeneous)),
+        lambda: session.lay(session.route.with_corner(session.target.homogeneous)),
+        lambda: session.lay(session.route.with_corner(session.target.homogeneous)),
         lambda: session.lay(session.route.without_last()),
         lambda: session.lay(session.route.closed(bool(rng.integers(2)))),
         lambda: session.lay(session.route.spaced(rng.uniform(0.02, 0.2))),
-        lambda: session.lay(session.route.with_waypoint(mq.pose(rng.uniform(-2, 2, 3)).homogeneous)),
+        lambda: session.lay(session.route.with_corner(mq.pose(rng.uniform(-2, 2, 3)).homogeneous)),
         lambda: session.lay(session.route.with_circle(session.target.homogeneous, 0.1, 1.0)),
         lambda: session.follow_path(bool(rng.integers(2))),
         lambda: session.follow_path(bool(rng.integers(2))),

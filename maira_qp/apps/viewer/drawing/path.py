@@ -18,7 +18,7 @@ UNKNOWN: Colour = (76, 110, 245)
 MOST_SEGMENTS = 2000
 MOST_POINTS = 400
 FRAMES = 40
-"""Most waypoints whose axes are drawn."""
+"""Most corners whose axes are drawn."""
 
 
 class PathDrawing:
@@ -46,8 +46,8 @@ class PathDrawing:
                 self._draw_failures(view.route, view.followed)
 
     def _draw_axes(self, route: Route) -> None:
-        """Of waypoints, or where the path begins."""
-        poses = (route.given if route.kind == "waypoints" else route.poses[:1])[:FRAMES]
+        """Of corners, or where the path begins."""
+        poses = (route.given if route.kind == "corners" else route.poses[:1])[:FRAMES]
         self._handles.append(
             self._scene.add_batched_axes(
                 "/path/axes",

@@ -15,22 +15,22 @@ from maira_qp.problem.pose import as_pose
 
 MOST_POSES = 20_000
 """Of a path: where none of them is reached, this takes half a minute."""
-MOST_WAYPOINTS = 200
+MOST_CORNERS = 200
 LEAST_SPACING = 1e-3
 """[m]"""
 SAME = 1e-9
 """Poses no further apart than this [m and rad] are one."""
 
-Kind = Literal["waypoints", "circle", "file"]
+Kind = Literal["corners", "circle", "file"]
 
 
 @dataclass(frozen=True, eq=False)
 class Route:
     """What a person gives, and the poses that are made of it; empty to begin with."""
 
-    kind: Kind = "waypoints"
+    kind: Kind = "corners"
     given: np.ndarray = field(default_factory=lambda: np.empty((0, 4, 4)))
-    """(M, 4, 4) waypoints, the pose of the circle's centre, or all poses of a file"""
+    """(M, 4, 4) corners, the pose of the circle's centre, or all poses of a file"""
     spacing: float = 0.005
     """Largest distance between neighbours on lines and circles [m], at least `LEAST_SPACING`"""
     is_closed: bool = False
@@ -58,20 +58,20 @@ class Route:
         _check_count(len(poses))
         return poses
 
-    def with_waypoint(self, T: np.ndarray) -> Route:
-        """A straight line more, to a pose (4, 4); what was no path of waypoints is replaced. Raises `OptionError`."""
-        known = self.given if self.kind == "waypoints" else self.given[:0]
-        if len(known) >= MOST_WAYPOINTS:
-            raise OptionError(f"a path in the viewer has at most {MOST_WAYPOINTS} waypoints: load a file")
-        return self._with("waypoints", np.concatenate([known, T[None]]))
+    def with_corner(self, T: np.ndarray) -> Route:
+        """A straight line more, to a pose (4, 4); what was no path of corners is replaced. Raises `OptionError`."""
+        known = self.given if self.kind == "corners" else self.given[:0]
+        if len(known) >= MOST_CORNERS:
+            raise OptionError(f"a path in the viewer has at most {MOST_CORNERS} corners: load a file")
+        return self._with("corners", np.concatenate([known, T[None]]))
 
     def without_last(self) -> Route:
-        """The last waypoint is taken back, if there is one."""
-        return replace(self, given=self.given[:-1]) if self.kind == "waypoints" else self
+        """The last corner is taken back, if there is one."""
+        return replace(self, given=self.given[:-1]) if self.kind == "corners" else self
 
     def cleared(self) -> Route:
         """Nothing is given."""
-        return self._with("waypoints", self.given[:0])
+        return self._with("corners", self.given[:0])
 
     def with_circle(self, center: np.ndarray, radius: float, largest: float) -> Route:
         """A circle in the xy-plane of a pose (4, 4) instead. Raises `OptionError` unless 0 < radius <= largest [m]."""

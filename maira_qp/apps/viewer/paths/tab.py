@@ -67,7 +67,7 @@ class PathTab:
     def _add_sources(self, gui: viser.GuiApi, session: Session) -> None:
         """Of poses."""
         ask, length = self._ask, session.robot.length
-        waypoints = gui.add_button_group("Waypoints", (ADD, UNDO, CLEAR))
+        corners = gui.add_button_group("Corners", (ADD, UNDO, CLEAR))
         spacing = gui.add_number(
             "Spacing [mm]", 1e3 * session.route.spacing, min=1e3 * LEAST_SPACING, max=1e3, step=1.0,
             hint="Largest distance from pose to pose on lines and circles",
@@ -81,10 +81,10 @@ class PathTab:
             load = gui.add_button("Load the path", icon=viser.Icon.FILE)
             upload = gui.add_upload_button("Upload a path", mime_type=".csv", icon=viser.Icon.UPLOAD)
 
-        @waypoints.on_click
+        @corners.on_click
         def _(event: viser.GuiEvent) -> None:
             changed: dict[str, Callable[[Session], Route]] = {
-                ADD: lambda session: session.route.with_waypoint(session.target.homogeneous),
+                ADD: lambda session: session.route.with_corner(session.target.homogeneous),
                 UNDO: lambda session: session.route.without_last(),
                 CLEAR: lambda session: session.route.cleared(),
             }

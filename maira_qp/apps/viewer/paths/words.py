@@ -27,7 +27,7 @@ def given(route: Route) -> str:
         return "no path yet: add poses, or take a circle or a file"
     count, closed = len(route.given), ", closed" if route.is_closed else ""
     kinds = {
-        "waypoints": f"{count} waypoint{'s' if count > 1 else ''}",
+        "corners": _counted(count, "corner"),
         "circle": f"circle of {1e3 * route.radius:.4g} mm radius",
         "file": route.file,
     }
