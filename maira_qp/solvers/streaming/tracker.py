@@ -9,6 +9,8 @@ behind, and a loop that is closed over them is slow or swings.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,9 +41,11 @@ class Tracker(Shown):
     - where it is no pose, or farther from the last one that was followed (at the beginning: from the tool) than
       `max_jump`, until one comes that is near to that, or `resume`;
     - if none comes for longer than `timeout`, or a tick lasts longer; with none in a shorter time the last one holds;
-    - while the robot is farther behind its commands than `max_following_error`.
+    - while the robot is farther behind its commands than `max_following_error`;
+    - while the obstacles of a call cannot be taken.
 
-    Every command keeps the limits of position, speed and acceleration as `Solver.step` does, whatever comes.
+    Every command keeps the limits of position, speed and acceleration as `Solver.step` does, whatever comes. The speed
+    of the tool is limited by the solver: `mq.Solver(robot, limits=[mq.ToolSpeedLimit(linear=0.1)])`.
 
     ```python
     import maira_qp as mq
@@ -90,7 +94,6 @@ class Tracker(Shown):
         if velocity is not None or acceleration is not None:
             solver = solver.limited(velocity=velocity, acceleration=acceleration)
         from maira_qp.solvers.streaming.hands import HandMap  # heavy: Numba comes with it
-        from maira_qp.solvers.streaming.limiting import Limiting
 
         self._solver, self._clutch = solver, clutch
         self._map = HandMap.of(solver.problem, clutch, _positive(max_jump, (2,), "max_jump"))
@@ -101,15 +104,18 @@ class Tracker(Shown):
         self._max_following_error = float(_positive(max_following_error, (), "max_following_error"))
         position, orientation = _positive(tolerance, (2,), "tolerance").tolist()
         self._tolerance = position, orientation
-        self._limiting = Limiting.of(solver.problem)
         self.reset(q)
         self._compile()
 
     def reset(self, q: Any, velocity: Any = None) -> None:
         """Start anew from q (n,) [rad or m] at a velocity (n,) [rad/s or m/s], None: at rest; the clutch is released.
 
+        Obstacles are again where the solver has them.
+
         Raises `ConfigurationError`.
         """
+        from maira_qp.solvers.streaming.limiting import Limiting  # heavy: Numba comes with it
+
         joints = self._solver.robot.joint_names
         self._q = joint_array(q, joints, "q")
         self._velocity = np.zeros(len(joints)) if velocity is None else joint_array(velocity, joints, "velocity")
@@ -117,6 +123,9 @@ class Tracker(Shown):
         self._is_engaged = self._clutch is None
         self._silence = 0.0
         self._values: dict[str, Any] = {}
+        self._obstacles: dict[str, Any] | None = None
+        self._engines = self._solver.engines
+        self._limiting = Limiting.of(self._solver.problem)
         self._hands = self._map.at_tools(self._q) if self._clutch is None else self._map.anywhere()
 
     def _compile(self) -> None:
@@ -196,7 +205,9 @@ class Tracker(Shown):
         self._hold = ""
         self._hands = self._map.anywhere()
 
-    def update(self, target: Any, dt: float, *, measured: Any = None) -> Command:
+    def update(
+        self, target: Any, dt: float, *, measured: Any = None, obstacles: Mapping[str, Any] | None = None
+    ) -> Command:
         """Compute the command of a tick of dt [s]. Whatever the arguments are, it is a command and not an exception.
 
         Args:
@@ -206,10 +217,14 @@ class Tracker(Shown):
             dt: length of the tick [s]; it may vary. If it is no length of time, the arm keeps its last command.
             measured: where the robot is (n,) [rad or m]: while a joint is farther than `max_following_error` from its
                 last command the tracker holds, so that it does not run away from a robot that is blocked or slow.
+            obstacles: where obstacles stand now, {name: pose} as for `Solver.step`; they stay there until they are
+                given again. The arm stands while they cannot be taken.
         """
         if not (is_number(dt) and 0 < dt < math.inf):
             return self._holding(f"the length of a tick must be a positive number of seconds, got {shown(dt)}")
         dt, values = float(dt), self._values
+        if wrong := self._move_obstacles(obstacles):
+            return self._brake(wrong, dt)
         try:
             target, given = self._map.sorted_out(target)
         except MairaError as error:
@@ -231,6 +246,19 @@ class Tracker(Shown):
             return self._follow(hands, values, dt)
         except MairaError as error:  # beyond the numbers, such as a target farther away than a thousand million arms
             return self._brake(str(error), dt)
+
+    def _move_obstacles(self, poses: Any) -> str:
+        """Obstacles stand elsewhere from now on; why they cannot, if so."""
+        if poses is None:
+            return ""
+        try:
+            moved = {**(self._obstacles or {}), **poses} if isinstance(poses, Mapping) else poses
+            engines = self._solver.engines.with_obstacles(moved)
+        except MairaError as error:
+            return str(error)
+        self._obstacles, self._engines = moved, engines
+        self._limiting = replace(self._limiting, problem=engines.problem)
+        return ""
 
     def _reason_to_wait(self, dt: float) -> str:
         """Why no target can be followed in this tick, whatever it is; empty: one can."""
@@ -272,7 +300,7 @@ class Tracker(Shown):
         if values or self._map.problem.takers:
             poses = () if hands.goals is None else zip(self._keys, hands.goals, strict=True)
             asked = {**dict(poses), **values}
-        step = self._solver.step(q, asked, dt, velocity=velocity)
+        step = self._solver.step(q, asked, dt, velocity=velocity, obstacles=self._obstacles)
         self._hands, self._values = hands, values
         self._q, self._velocity = step.q, step.velocity
         state, reason, tolerance = TrackerState.FOLLOWING, "", self._tolerance
@@ -289,7 +317,7 @@ class Tracker(Shown):
         """A tick without a target."""
         robot = self._solver.robot
         if self._velocity.any() or not ((robot.lower <= self._q) & (self._q <= robot.upper)).all():
-            self._q, self._velocity = self._solver.engines.brake(self._q, Tick(dt, self._velocity))
+            self._q, self._velocity = self._engines.brake(self._q, Tick(dt, self._velocity))
         return self._holding(reason)
 
     def _holding(self, reason: str) -> Command:
@@ -304,7 +332,7 @@ class Tracker(Shown):
             position_error=position,
             orientation_error=orientation,
             target=target,
-            _origin=self._solver.engines,
+            _origin=self._engines,
         )
 
 

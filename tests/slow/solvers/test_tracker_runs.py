@@ -3,6 +3,7 @@
 In every tick: no exception, every limit kept, and a state that is true.
 """
 
+import pickle
 from collections import Counter
 
 import numpy as np
@@ -69,6 +70,61 @@ def test_a_tracker_holds_and_follows_beside_obstacles(maira, backend, rng):
         reasons += watched.update(near, 0.02).reason
         assert watch.distance(robot.at(watched.q)) >= 0.02 - 1e-9
     assert "CollisionLimit (link" in reasons
+
+
+def test_obstacles_that_move_are_kept_clear_of(maira):
+    """A ball comes near, from tick to tick, and stays where it was said to be; a hold does not forget it."""
+    ball = mq.Sphere(0.1, mq.pose([5.0, 0.0, 0.7]), name="ball")
+    robot, q = maira.limited(acceleration=20.0), np.array([0.1, 0.5, 0.1, 1.3, 0.1, 0.9, 0.1])
+    tool = robot.forward(q)
+    goal = tool.copy()
+    goal.translation = tool.translation + np.array([0.0, 0.25, 0.0])
+    near = mq.pose(tool.translation + np.array([0.0, 0.35, 0.0]))
+    limit = mq.CollisionLimit(obstacles=[ball], margin=0.02)
+    watch = mq.CollisionLimit(obstacles=[mq.Sphere(0.1, near, name="ball")], margin=0.02).of(robot)
+    solver = mq.Solver(robot, limits=[limit])
+    watched = Watched(mq.Tracker(solver, q, max_jump=(np.inf, np.inf)))
+    reasons = ""
+    for k in range(200):
+        command = watched.update(goal, 0.02, obstacles={"ball": near} if k % 50 == 0 else None)
+        reasons += command.reason
+        if k == 100:
+            watched.tracker.hold()
+        elif k == 110:
+            watched.tracker.resume()
+        assert watch.distance(robot.at(watched.q)) >= 0.02 - 1e-9
+    assert "CollisionLimit (" in reasons
+    assert command.position_error > 0.01
+    tracker = pickle.loads(pickle.dumps(watched.tracker))
+    np.testing.assert_array_equal(tracker.update(goal, 0.02).q, watched.update(goal, 0.02).q)
+    command = watched.update(goal, 0.02, obstacles={"boll": near})
+    assert command.state == mq.TrackerState.HOLDING
+    assert "'ball'" in command.reason
+    watched.tracker.reset(watched.q)
+    watched.velocity = np.zeros(robot.n)
+    for _ in range(200):
+        command = watched.update(goal, 0.02)
+    assert command.position_error < 1e-6
+
+
+def test_the_speed_of_the_tool_is_that_of_the_solver(maira, rng):
+    """The tool of a tracker whose solver has a ToolSpeedLimit goes no faster from tick to tick, and arrives."""
+    robot, q = maira.limited(acceleration=20.0), np.array([0.1, 0.5, 0.1, 1.3, 0.1, 0.9, 0.1])
+    solver = mq.Solver(robot, limits=[mq.ToolSpeedLimit(linear=0.1, angular=0.4)])
+    watched = Watched(mq.Tracker(solver, q, max_jump=(np.inf, np.inf)))
+    before, reasons = robot.forward(q), ""
+    goal = before.copy()
+    goal.translation = goal.translation + np.array([0.0, 0.1, 0.05])
+    fastest = 0.0
+    for _ in range(250):
+        command = watched.update(goal, 0.01)
+        reasons += command.reason
+        now = robot.forward(command.q)
+        fastest = max(fastest, np.linalg.norm(now.translation - before.translation) / 0.01)
+        before = now
+    assert 0.09 < fastest <= 0.1 * (1 + 1e-6)
+    assert "ToolSpeedLimit" in reasons
+    assert command.position_error < 1e-6
 
 
 @pytest.mark.parametrize("name", ["maira", "panda", "ur5", "baxter_arms"])
