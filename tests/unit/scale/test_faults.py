@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.command_line import heed_interrupts
 from support.marked_jobs import MarkedJob, files_of
 
 from maira_qp.errors import JobError, OptionError
@@ -51,7 +52,7 @@ def wait_for(there, seconds: float = 60.0) -> None:
 def client(marks: str, folder: Path, waits_at: int, engine: str) -> subprocess.Popen:
     """Another process that runs a job of 60 items, 10 a shard, and waits at one of them."""
     code = CLIENT.format(tests=str(TESTS), marks=marks, waits_at=waits_at, folder=str(folder), engine=engine)
-    process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE)
+    process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, preexec_fn=heed_interrupts)
     wait_for(Path(marks, f"waiting-{waits_at}").exists)
     return process
 
