@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import itertools
 import reprlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class MairaError(ValueError):
@@ -63,10 +63,19 @@ class SensitivityError(MairaError):
 def listed(names: Iterable[str], wanted: object = None, limit: int = 40) -> str:
     """Valid names as text for a message, the nearest to `wanted` first suggested, the list cut at `limit`."""
     names = list(names)
+    return f"{hint(names, wanted)}valid names: {joined(names, limit)}"
+
+
+def hint(names: Sequence[str], wanted: object) -> str:
+    """The question whether the name nearest to `wanted` was meant, with a space behind; empty where none is near."""
     close = difflib.get_close_matches(wanted[:200], names, n=1) if isinstance(wanted, str) else []
-    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"did you mean {close[0]!r}? " if close else ""
+
+
+def joined(names: Sequence[str], limit: int = 40) -> str:
+    """Names as text for a message, cut at `limit`."""
     rest = f", ... ({len(names) - limit} more)" if len(names) > limit else ""
-    return f"{hint}valid names: {', '.join(names[:limit])}{rest}"
+    return f"{', '.join(names[:limit])}{rest}"
 
 
 class _Bounded(reprlib.Repr):

@@ -2,7 +2,8 @@
 
 What is made is plain mappings {field: value}, which JSON holds and `rosidl_runtime_py.set_message_fields` makes message
 objects of. What is read may be such a mapping or a message object with the same attributes. Joints are found by their
-names, in whatever order; those that are not the robot's are skipped. Quaternions of messages are (x, y, z, w).
+names, in whatever order; those that are not the robot's are skipped. Quaternions of messages are (x, y, z, w). What is
+read may lack the fields that a message may leave empty: the header, velocities, accelerations and efforts.
 """
 
 from __future__ import annotations
@@ -147,11 +148,11 @@ def to_pose_stamped(
 def from_pose_stamped(robot: Robot, message: Any, q: Any = None) -> pin.SE3:
     """Read a `geometry_msgs/PoseStamped` as a pose in the robot's base [m], which every verb takes.
 
-    `q` (n,): where the robot stands, for a `frame_id` that moves. An empty `frame_id` is the base.
+    `q` (n,): where the robot stands, for a `frame_id` that moves. An empty or missing `frame_id` is the base.
     Raises `PoseError` for what is no pose; `FrameError` for a frame that is none of the robot's; `ConfigurationError`
     for one that moves, without q; `OptionError` for what is no such message.
     """
-    frame = _field(_field(message, "header"), "frame_id")
+    frame = _field(_field(message, "header", {}), "frame_id", "")
     body = _field(message, "pose")
     position = [_field(_field(body, "position"), key) for key in "xyz"]
     quaternion = [_field(_field(body, "orientation"), key) for key in "wxyz"]
@@ -174,13 +175,15 @@ def _placement(robot: Robot, frame: Any, q: Any) -> pin.SE3:
     return robot.forward(q, name)
 
 
-def _field(message: Any, key: str) -> Any:
-    """A field of a mapping or of a message object. Raises `OptionError`."""
+def _field(message: Any, key: str, empty: Any = None) -> Any:
+    """A field of a mapping or of a message object; where there is none, `empty`, or, if None, `OptionError`."""
     if isinstance(message, Mapping):
         if key in message:
             return message[key]
     elif hasattr(message, key):
         return getattr(message, key)
+    if empty is not None:
+        return empty
     raise OptionError(f"a message of another type: no field {key!r} in {shown(message)}")
 
 
@@ -193,7 +196,7 @@ def _names(message: Any, key: str) -> list[str]:
 
 def _row(message: Any, key: str, names: list[str], places: np.ndarray, where: str = "") -> np.ndarray | None:
     """The values (n,) of the robot's joints, None where the field is empty. Raises `ConfigurationError`."""
-    values = _field(message, key)
+    values = _field(message, key, ())
     if len(values) == 0:
         return None
     if len(values) != len(names):
@@ -202,7 +205,7 @@ def _row(message: Any, key: str, names: list[str], places: np.ndarray, where: st
 
 
 def _stamp(message: Any) -> dict[str, int]:
-    return stamp_of(_field(_field(message, "header"), "stamp"))
+    return stamp_of(_field(_field(message, "header", {}), "stamp", 0.0))
 
 
 def _seconds(duration: Any) -> float:

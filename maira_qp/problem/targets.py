@@ -201,10 +201,14 @@ def streams(rows: np.ndarray, words: np.ndarray) -> np.ndarray:
     return result
 
 
-def poses_of_batch(targets: Any, name: str = "target") -> np.ndarray:
-    """The targets of a batch as (N, 4, 4), checked; not a copy where none is needed. Raises `PoseError`."""
-    if isinstance(targets, pin.SE3) or not is_listing(targets):
-        raise PoseError(f"{name}s must be a sequence of poses, (N, 4, 4); for one target use solve")
+def poses_of_batch(targets: Any, name: str = "target", of_one: str = "for one target use solve") -> np.ndarray:
+    """The targets of a batch as (N, 4, 4), checked; not a copy where none is needed.
+
+    Raises `PoseError`; where there is one pose, with what to do in words.
+    """
+    is_one = isinstance(targets, pin.SE3) or (isinstance(targets, np.ndarray) and targets.shape == (4, 4))
+    if is_one or not is_listing(targets):
+        raise PoseError(f"{name}s must be a sequence of poses, (N, 4, 4); {of_one}")
     if not isinstance(targets, np.ndarray):
         targets = [each.homogeneous if isinstance(each, pin.SE3) else each for each in targets]
     if not len(targets):

@@ -75,11 +75,14 @@ ENTRIES = (
 
 
 def entry_of(name: object) -> Entry:
-    """What a name, short or qualified, means. Raises `RobotError`, with the nearest names, where it means nothing."""
+    """What a name, short or qualified, means, in upper or lower case.
+
+    Raises `RobotError`, with the nearest names, where it means nothing.
+    """
     known = {key: entry for entry in ENTRIES for key in (entry.name, entry.qualified)}
     if isinstance(name, str):
-        if name in known:
-            return known[name]
+        if name.lower() in known:
+            return known[name.lower()]
         short = name.removeprefix(f"{DESCRIPTIONS}/")
         if short.endswith("_description") and short.isidentifier():
             return Entry(DESCRIPTIONS, short)

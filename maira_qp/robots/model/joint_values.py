@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from maira_qp.arrays import is_listing, real_array
-from maira_qp.errors import ConfigurationError, MairaError, OptionError, listed, shown
+from maira_qp.errors import ConfigurationError, MairaError, OptionError, hint, joined, listed, shown
 
 
 def check_joints(names: Iterable[Any], known: Sequence[str], what: str, error: type[MairaError]) -> None:
@@ -72,7 +72,8 @@ def joint_order(names: Any, joint_names: tuple[str, ...]) -> np.ndarray:
             raise OptionError(f"names: the joint {name!r} is named twice")
     missing = [name for name in joint_names if name not in places]
     if missing:
-        there = [name for name in places if name not in joint_names]
-        others = f"; other {listed(there, missing[0])}" if there else ""
-        raise OptionError(f"names: {', '.join(map(repr, missing))} is missing{others}")
+        given = [name if isinstance(name, str) else shown(name) for name in places]
+        meant = hint([name for name in given if name not in joint_names], missing[0])
+        lacking = ", ".join(map(repr, missing))
+        raise OptionError(f"the names lack {lacking}; {meant}given: {joined(given) or 'none'}")
     return np.array([places[name] for name in joint_names], dtype=np.intp)

@@ -330,7 +330,7 @@ class Robot(Shown):
         modules of `robot_descriptions`; nothing is downloaded.
 
         Args:
-            name: short, or with its package.
+            name: short, or with its package; in upper or lower case.
             tip, base: as in `from_urdf`; None: those that are listed for the robot, of a tip alone the root as base.
             limits: {joint name: (lower, upper)} [rad, or m] in place of those in the description.
             tool: pose of a tool in the tip, or {tip: pose}, as for `with_tool`; None: the tip is the tool.

@@ -89,7 +89,7 @@ class ReachMap(Shown):
 
         Raises `PoseError`.
         """
-        T = poses_of_batch(poses, "pose")
+        T = poses_of_batch(poses, "pose", "for one pose: query([pose])")
         points, job = T[:, :3, 3], self.job
         cell = job.positions.index(points)
         orientation = job.orientations.nearest(T[:, :3, :3])

@@ -478,7 +478,7 @@ def test_everything_public_pickles(maira, rng):
         (lambda s: s.solve(np.eye(4), q0=[1j] * 7), ConfigurationError, "real numbers"),
         (lambda s: s.solve(np.eye(4), rng="seed"), OptionError, "rng"),
         (lambda s: s.solve(np.eye(4), rng=-1), OptionError, "rng"),
-        (lambda s: s.solve_batch(np.eye(4)), PoseError, "target 0"),
+        (lambda s: s.solve_batch(np.eye(4)), PoseError, "for one target use solve"),
         (lambda s: s.solve_batch(mq.pose([0, 0, 0])), PoseError, "sequence"),
         (lambda s: s.solve_batch([np.eye(4), 2 * np.eye(4)]), PoseError, "target 1"),
         (lambda s: s.solve_batch([np.eye(4)] * 2, q0=np.zeros((3, 7))), ConfigurationError, r"shape \(2, 7\)"),

@@ -116,6 +116,28 @@ def test_a_pose_in_the_hand_is_where_the_hand_is(maira, rng):
     assert mq.Solver(maira).solve(read, q).success
 
 
+@pytest.mark.parametrize("form", [dict, as_object])
+def test_the_fields_that_a_message_may_leave_empty_may_be_missing(maira, rng, form):
+    """They are as those that are empty."""
+    q, zero, names = maira.random_configuration(rng), {"sec": 0, "nanosec": 0}, list(maira.joint_names)
+    read = ros.from_joint_state(maira, form({"name": names, "position": q.tolist()}))
+    np.testing.assert_array_equal(read.q, q)
+    assert (read.velocity, read.effort, read.stamp) == (None, None, zero)
+    points = [{"positions": q.tolist(), "time_from_start": {"sec": k, "nanosec": 0}} for k in range(2)]
+    samples = ros.from_joint_trajectory(maira, form({"joint_names": names, "points": points}))
+    np.testing.assert_array_equal(samples.q, [q, q])
+    assert (samples.velocity, samples.acceleration, samples.stamp) == (None, None, zero)
+    place = ros.to_pose_stamped(maira, maira.forward(q))
+    read = ros.from_pose_stamped(maira, form({"pose": place["pose"]}))
+    np.testing.assert_allclose(read.homogeneous, maira.forward(q).homogeneous, rtol=0, atol=1e-14)
+    hand = {"header": {"frame_id": maira.tip}, "pose": place["pose"]}
+    T = ros.from_pose_stamped(maira, form(hand), q)
+    np.testing.assert_allclose(T.homogeneous, (maira.forward(q) * maira.forward(q)).homogeneous, rtol=0, atol=1e-14)
+    for read, message in ((ros.from_joint_state, {"name": names}), (ros.from_pose_stamped, {"header": {}})):
+        with pytest.raises((ConfigurationError, OptionError), match=r"without positions|no field 'pose'"):
+            read(maira, form(message))
+
+
 def test_mistakes_name_what_is_valid(maira, trajectory):
     state, plan = ros.to_joint_state(maira, maira.middle), ros.to_joint_trajectory(trajectory)
     place = ros.to_pose_stamped(maira, pin.SE3.Identity())
@@ -127,7 +149,7 @@ def test_mistakes_name_what_is_valid(maira, trajectory):
         (
             lambda: ros.from_joint_state(maira, {**state, "name": state["name"][1:]}),
             OptionError,
-            "'joint1' is missing",
+            "the names lack 'joint1'; given: joint2, ",
         ),
         (
             lambda: ros.from_joint_state(maira, {**state, "name": ["joint1", *state["name"]]}),

@@ -50,10 +50,14 @@ def test_order_sorts_the_values_of_a_joint_state(name, rng):
 
 def test_order_names_what_is_missing_and_what_there_is(panda):
     names = [*panda.joint_names[1:], "panda_joint_1"]
-    with pytest.raises(OptionError, match=r"'panda_joint7' is missing$"):
+    with pytest.raises(OptionError, match=r"^the names lack 'panda_joint7'; given: panda_joint1, .*, panda_joint6$"):
         panda.order(panda.joint_names[:-1])
-    with pytest.raises(OptionError, match=r"'panda_joint1' is missing.*did you mean 'panda_joint_1'"):
+    with pytest.raises(OptionError, match=r"lack 'panda_joint1'; did you mean 'panda_joint_1'\? given: panda_joint2, "):
         panda.order(names)
+    with pytest.raises(OptionError, match=r"lack 'panda_joint1', .*, 'panda_joint7'; given: none$"):
+        panda.order([])
+    with pytest.raises(OptionError, match=r"lack 'panda_joint1', .*; given: 1, .* \(60 more\)$"):
+        panda.order(list(range(1, 101)))
     with pytest.raises(OptionError, match="'panda_joint2' is named twice"):
         panda.order([*panda.joint_names, "panda_joint2"])
     assert len(panda.order([*panda.joint_names, "other", "other"])) == 7

@@ -32,7 +32,8 @@ def test_a_name_is_the_robot_of_the_file():
     panda = mq.Robot.load("panda")
     assert panda.urdf == load("panda").urdf
     assert panda.state("default").shape == (7,)
-    assert mq.Robot.load("maira") == mq.Robot.maira()
+    assert mq.Robot.load("maira") == mq.Robot.maira() == mq.Robot.load("MAIRA")
+    assert entry_of("UR5") == entry_of("Example-Robot-Data/ur5") == entry_of("ur5")
     assert mq.Robot.load("maira", tip="link4").n == 4
     assert mq.Robot.load("panda", tip="panda_link4", base="panda_link1").joint_names == (
         *("panda_joint2", "panda_joint3", "panda_joint4"),
@@ -46,7 +47,7 @@ def test_a_name_is_the_robot_of_the_file():
     ("name", "message"),
     [
         ("pandda", "unknown robot 'pandda'; did you mean 'panda'"),
-        ("UR5", "unknown robot 'UR5'; did you mean 'ur5'"),
+        ("UR55", "unknown robot 'UR55'; did you mean 'ur5'"),
         ("rtb-data/panda", "unknown robot 'rtb-data/panda'; did you mean 'panda'"),
         ("", "unknown robot ''; valid names: maira, iiwa14, .*ur5e_description"),
         (None, "unknown robot None"),

@@ -6,11 +6,12 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from support.marked_jobs import files_of
 
 import maira_qp as mq
-from maira_qp.errors import JobError, OptionError, RobotError
+from maira_qp.errors import JobError, OptionError, PoseError, RobotError
 from maira_qp.scale import ReachJob, ReachMap, resume, run, state_of, verify
 
 zarr = pytest.importorskip("zarr")
@@ -82,6 +83,13 @@ def test_a_query_of_the_poses_of_the_grid_gives_their_verdicts(job, reach_map, r
     T = grid_poses(job)
     T[..., :3, 3] += rng.uniform(-0.49, 0.49, (*T.shape[:-2], 3)) * CELL
     np.testing.assert_array_equal(reach_map.query(T.reshape(-1, 4, 4)), reach_map.verdict.reshape(-1))
+
+
+@pytest.mark.parametrize("pose", [np.eye(4), pin.SE3.Identity()])
+def test_a_query_of_one_pose_says_how(reach_map, pose):
+    with pytest.raises(PoseError, match=r"for one pose: query\(\[pose\]\)$"):
+        reach_map.query(pose)
+    assert reach_map.query([pose]).shape == (1,)
 
 
 def test_a_query_outside_of_the_grid_is_unreachable_only_beyond_the_reach(tmp_path):
