@@ -72,7 +72,7 @@ def joint_order(names: Any, joint_names: tuple[str, ...]) -> np.ndarray:
             raise OptionError(f"names: the joint {name!r} is named twice")
     missing = [name for name in joint_names if name not in places]
     if missing:
-        given = [name if isinstance(name, str) else shown(name) for name in places]
+        given = list(places)
         meant = hint([name for name in given if name not in joint_names], missing[0])
         lacking = ", ".join(map(repr, missing))
         raise OptionError(f"the names lack {lacking}; {meant}given: {joined(given) or 'none'}")

@@ -57,7 +57,7 @@ def test_order_names_what_is_missing_and_what_there_is(panda):
     with pytest.raises(OptionError, match=r"lack 'panda_joint1', .*, 'panda_joint7'; given: none$"):
         panda.order([])
     with pytest.raises(OptionError, match=r"lack 'panda_joint1', .*; given: 1, .* \(60 more\)$"):
-        panda.order(list(range(1, 101)))
+        panda.order([str(k) for k in range(1, 101)])
     with pytest.raises(OptionError, match="'panda_joint2' is named twice"):
         panda.order([*panda.joint_names, "panda_joint2"])
     assert len(panda.order([*panda.joint_names, "other", "other"])) == 7
