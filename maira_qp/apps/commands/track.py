@@ -85,7 +85,7 @@ class Track:
     picture: Path | None = None
     """Draw joints, speeds, errors, condition number and swivel angle into this .png, .svg or .pdf."""
     animation: Path | None = None
-    """Draw the arm's motion into this .gif."""
+    """Draw the arm's motion into this .gif, or, where ffmpeg is installed, .mp4."""
     project: tyro.conf.FlagCreatePairsOff[bool] = False
     """Take the nearest rotations to rounded ones, on purpose."""
     options: SolverFlags = field(default_factory=Options)
@@ -207,9 +207,13 @@ class Track:
         if output != STANDARD and format_of(output) == "ros" and self.dt is None and not self.timed:
             raise OptionError(f"{output.name} needs times: give --timed, or --dt from pose to pose")
         if self.animation is not None:
-            if self.animation.suffix.lower() != ".gif":
-                raise OptionError(f"an animation's name ends in .gif, not {self.animation.name!r}")
+            if self.animation.suffix.lower() not in (".gif", ".mp4"):
+                raise OptionError(f"an animation's name ends in .gif or .mp4, not {self.animation.name!r}")
             check_picture(self.animation.with_suffix(".png"))
+            if self.animation.suffix.lower() == ".mp4":
+                from maira_qp.apps.plots.film import check_ffmpeg  # not before matplotlib is known to be installed
+
+                check_ffmpeg()
         if self.picture is not None:
             check_picture(self.picture)
         for file in filter(None, (output, self.picture, self.animation)):

@@ -1,17 +1,16 @@
-"""An arm in space, and its motion as a GIF."""
+"""An arm in space, and its motion as a film."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgb
 from matplotlib.ticker import MaxNLocator
-from PIL import Image
 
+from maira_qp.apps.plots.film import check_ffmpeg, write_gif, write_mp4
 from maira_qp.apps.plots.style import COLORS, LIMIT_COLOR, figure, styled
 from maira_qp.errors import OptionError
 from maira_qp.io.atomic_write import replacing
@@ -79,37 +78,44 @@ def _frame_space(ax: Any, reach: float | None) -> None:
 def animate_chain(
     path: str | Path, frames: Sequence[np.ndarray], targets: Sequence[np.ndarray], *, rate: float = 15.0
 ) -> Path:
-    """Write a GIF of an arm: one transforms array (N + 1, 4, 4) and one target, (3,) or (4, 4) [m], a frame.
+    """Write a film of an arm, .mp4 or else a GIF.
+
+    Each frame is an array of transforms (N + 1, 4, 4) and has a target, (3,) or (4, 4) [m].
 
     `rate` is in frames a second. The tool leaves a trail since the target last changed. The box shown holds every
-    frame. Raises `OptionError` if there are no frames, or not as many targets.
+    frame. An MP4 needs ffmpeg. Raises `OptionError` if there are no frames, or not as many targets, or no ffmpeg.
     """
     if not len(frames) or len(frames) != len(targets):
         raise OptionError(
             f"an animation needs as many targets as frames, and at least one; got {len(targets)} and {len(frames)}"
         )
+    if Path(path).suffix.lower() == ".mp4":
+        check_ffmpeg()
     points = [np.asarray(h)[:, :3, 3] for h in frames] + [np.reshape(_point(t), (1, 3)) for t in targets]
     reach = 1.02 * max(_reach(p) for p in points)
     made = figure(size=GIF_SIZE, space=True)
     made.set_layout_engine("none")
     made.set_dpi(GIF_DPI)
-    canvas, ax, palette = FigureCanvasAgg(made), made.axes[0], _palette()
+    canvas, ax = FigureCanvasAgg(made), made.axes[0]
     ax.set_position((0.0, 0.07, 0.9, 0.96))  # the layout engine leaves no room for the names of slanted axes
-    images, start = [], 0
-    for k, (htms, target) in enumerate(zip(frames, targets, strict=True)):
-        if k and not np.array_equal(target, targets[k - 1]):
-            start = k
-        trail = np.array([frames[i][-1][:3, 3] for i in range(start, k + 1)])
-        for line in list(ax.lines):
-            line.remove()
-        draw_chain(ax, htms, target=target, trail=trail, reach=reach)
-        canvas.draw()
-        picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
-        images.append(picture.quantize(palette=palette, dither=Image.Dither.NONE))
-    film = {"save_all": True, "append_images": images[1:], "duration": round(1000 / rate), "loop": 0, "optimize": True}
+
+    def pictures() -> Iterator[np.ndarray]:
+        """Each frame (height, width, 3), drawn."""
+        start = 0
+        for k, (htms, target) in enumerate(zip(frames, targets, strict=True)):
+            if k and not np.array_equal(target, targets[k - 1]):
+                start = k
+            trail = np.array([frames[i][-1][:3, 3] for i in range(start, k + 1)])
+            for line in list(ax.lines):
+                line.remove()
+            draw_chain(ax, htms, target=target, trail=trail, reach=reach)
+            canvas.draw()
+            yield np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+    path = Path(path)
     with replacing(path) as file:
-        images[0].save(file, format="GIF", **film)
-    return Path(path)
+        (write_mp4 if path.suffix.lower() == ".mp4" else write_gif)(file, pictures(), rate)
+    return path
 
 
 def _point(target: np.ndarray) -> np.ndarray:
@@ -121,12 +127,3 @@ def _reach(points: np.ndarray) -> float:
     """The least `reach` of `draw_chain` whose box holds the points (K, 3)."""
     x, y, z = points.T
     return float(max(np.abs(x).max(), np.abs(y).max(), z.max() / 1.5, -z.min() / 0.5, 1e-3))
-
-
-def _palette() -> Image.Image:
-    """The few colours of the film, each in steps towards white: a GIF stores them small, and all frames alike."""
-    steps = dict.fromkeys(COLORS[:3], 8) | {"black": 40}  # fine greys: no wall may take on a tint
-    shades = [np.linspace(to_rgb(color), (1.0, 1.0, 1.0), count) for color, count in steps.items()]
-    palette = Image.new("P", (1, 1))
-    palette.putpalette((255 * np.concatenate(shades)).round().astype(np.uint8).tobytes())
-    return palette

@@ -230,7 +230,7 @@ def test_a_file_that_is_no_path_is_refused_with_its_line(run, line, content, wor
         (["--output", "path.txt"], "ends in"),
         (["--output", "path.ros.json"], "give --timed, or --dt"),
         (["--picture", "path.gif"], "a picture's name ends in"),
-        (["--animation", "path.mp4"], "ends in .gif"),
+        (["--animation", "path.avi"], "ends in .gif or .mp4"),
     ],
 )
 def test_bad_flags_say_what_is_valid(run, line, arguments, words):

@@ -1,5 +1,7 @@
 """Pictures show what they were given: data, limits, intervals and units."""
 
+import re
+
 import matplotlib
 import numpy as np
 import pytest
@@ -90,6 +92,27 @@ def test_an_animation_has_every_frame(tmp_path):
     assert (pictures[0] != pictures[1]).any()
     assert (pictures[1] != pictures[2]).any()
     assert path.stat().st_size < 40_000
+
+
+def test_a_film_in_mp4_goes_through_ffmpeg(tmp_path, monkeypatch):
+    """A stand-in for ffmpeg is given whole pictures of even size, as many as there are frames, and names its file."""
+    stand_in = tmp_path / "ffmpeg"
+    stand_in.write_text('#!/bin/sh\nfor last; do :; done\necho "$@" > "$last"\nwc -c >> "$last"\n')
+    stand_in.chmod(0o755)
+    monkeypatch.setitem(matplotlib.rcParams, "animation.ffmpeg_path", str(stand_in))
+    frames = [np.array([np.eye(4), mq.pose([0.1 * k, 0.2, 0.5]).homogeneous]) for k in range(3)]
+    film = plots.animate_chain(tmp_path / "arm.mp4", frames, [np.zeros(3)] * 3, rate=20.0)
+    told, count = film.read_text().splitlines()
+    width, height = map(int, re.search(r"-s (\d+)x(\d+) -r 20 ", told).groups())
+    assert width % 2 == height % 2 == 0
+    assert int(count) == 3 * 3 * width * height
+    stand_in.write_text("#!/bin/sh\ncat > /dev/null\necho no such codec >&2\nexit 1\n")
+    with pytest.raises(OptionError, match="ffmpeg made no film: no such codec"):
+        plots.animate_chain(tmp_path / "bad.mp4", frames, [np.zeros(3)] * 3)
+    monkeypatch.setitem(matplotlib.rcParams, "animation.ffmpeg_path", str(tmp_path / "nowhere"))
+    with pytest.raises(OptionError, match="needs ffmpeg"):
+        plots.animate_chain(tmp_path / "bad.mp4", frames, [np.zeros(3)] * 3)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["arm.mp4", "ffmpeg"]
 
 
 @pytest.mark.parametrize("targets", [[], [np.zeros(3)] * 2])
