@@ -54,6 +54,18 @@ class ActivePair:
 
 
 @dataclass(frozen=True)
+class ActiveRow:
+    """A limit beside those of the joints and `CollisionLimit`, or a row of it, that the answer stands on."""
+
+    name: str
+    """Such as "ConeLimit", "BoxLimit x upper", "LinearLimit row 1" """
+    multiplier: float
+    """What the minimised cost would fall by [per `unit`] if the limit were wider; 0 where it holds nothing up"""
+    unit: str
+    """Of the limit: "rad" or "m"; "" where it is the limit's own"""
+
+
+@dataclass(frozen=True)
 class BrokenLimit:
     """A limit beside those of the joints that no configuration was found to keep."""
 
@@ -99,6 +111,9 @@ class Explanation(Shown):
     """What looks like another unit than metres and radians, a sentence each"""
     broken: tuple[BrokenLimit, ...] = ()
     """What the answer breaks, the worst first: for `LIMITS_BROKEN`"""
+    rows: tuple[ActiveRow, ...] = ()
+    """The other limits that the answer stands on, the most costly first. What is said of a target without these limits
+    is without the whole of a limit of which a row costs something."""
 
     def as_dict(self) -> dict[str, Any]:
         """As plain values that `json.dumps` takes, the words with them; None for numbers that are not known."""
@@ -109,6 +124,7 @@ class Explanation(Shown):
             "orientation_error": self.orientation_error,
             "limits": [asdict(limit) for limit in self.limits],
             "pairs": [asdict(pair) for pair in self.pairs],
+            "rows": [asdict(row) for row in self.rows],
             "broken": [asdict(limit) for limit in self.broken],
             "blocked": self.blocked,
             "is_reached_without": self.is_reached_without,
@@ -124,8 +140,8 @@ class Explanation(Shown):
 
     @property
     def blocking(self) -> tuple[str, ...]:
-        """Names of the limits and pairs that cost something."""
-        return tuple(one.name for one in (*self.limits, *self.pairs) if one.multiplier > 0)
+        """Names of the limits, pairs and rows that cost something."""
+        return tuple(one.name for one in (*self.limits, *self.pairs, *self.rows) if one.multiplier > 0)
 
     def __str__(self) -> str:
         return " ".join(_sentences(self))
@@ -145,7 +161,7 @@ class Explanation(Shown):
                 )
                 for limit in self.limits
             ]
-            + [(pair.name, f"{pair.multiplier:.3g}", "", "", "") for pair in self.pairs],
+            + [(one.name, f"{one.multiplier:.3g}", "", "", "") for one in (*self.pairs, *self.rows)],
         )
 
 
@@ -178,12 +194,14 @@ def _reasons(why: Explanation) -> Iterator[str]:
     else:
         yield f"The answer is {_off(why)} away from the target; the budget was spent before a nearest point was found."
     if why.status is Status.CONVERGED or why.is_compromise:
-        free = [limit.name for limit in why.limits if not limit.multiplier > 0]
+        standing = (*why.limits, *why.rows)
+        free = [limit.name for limit in standing if not limit.multiplier > 0]
         if free:
             yield f"It stands on {' and '.join(free)}."
-        for limit in why.limits:
+        for limit in standing:
             if limit.multiplier > 0:
-                yield f"It stands on {limit.name}, which costs {limit.multiplier:.3g} per {limit.unit}."
+                unit = limit.unit or "unit of its own"
+                yield f"It stands on {limit.name}, which costs {limit.multiplier:.3g} per {unit}."
         for pair in why.pairs:
             cost = f", which costs {pair.multiplier:.3g} per m" if pair.multiplier > 0 else ""
             yield f"{_apart(pair)}{cost}."
@@ -191,7 +209,7 @@ def _reasons(why: Explanation) -> Iterator[str]:
     if why.is_reached_within:
         yield "From another start the target is reached within the limits."
     if not why.blocking:
-        yield f"No {'joint ' if not why.pairs else ''}limit holds it back."
+        yield f"No {'' if why.pairs or why.rows else 'joint '}limit holds it back."
         return
     names = " and ".join(why.blocking)
     if np.linalg.norm(why.blocked) > 0:

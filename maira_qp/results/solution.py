@@ -110,7 +110,8 @@ class Solution(Answer):
 
     @cached_property
     def active_limits(self) -> list[str]:
-        """Limits that `q` stands on, such as "joint4 upper", and pairs at their margin, such as "link5 - table" """
+        """Limits that `q` stands on, such as "joint4 upper" or "LinearLimit row 1", and pairs at their margin, such as
+        "link5 - table" """
         if self.status is Status.INVALID_TARGET:
             return []
         return self._problem.active_limits(self.q)

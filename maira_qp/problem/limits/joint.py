@@ -21,6 +21,9 @@ FEASIBILITY = 1e-11
 KEPT = 1e-9
 """A row broken by no more than this, in its own unit, is kept: the rest is rounding."""
 
+ACTIVE_WITHIN = 1e-6
+"""A configuration that leaves a row no more than this, in the row's own unit, stands on it."""
+
 RESERVE = 0.7
 """Share of the acceleration with which a joint plans to stop at the end of its way, which the next tick may shorten."""
 
@@ -206,7 +209,21 @@ class Limit:
 
     def active(self, at: Configuration) -> list[str]:
         """What of the limit the configuration stands on, by name."""
-        return []
+        return [name for name, _ in self.standing(at)[0]]
+
+    def standing(self, at: Configuration) -> tuple[list[tuple[str, str]], np.ndarray]:
+        """Names and units of the k rows that the configuration stands on, and gradients (k, n) of what they leave."""
+        rows = self.rows(at, None)
+        if rows is None:
+            return [], np.empty((0, at.n))
+        G, h = rows
+        named, on = self.named_rows(len(h)), np.flatnonzero(h <= ACTIVE_WITHIN)
+        return [named[i] for i in on], -G[on]
+
+    def named_rows(self, count: int) -> list[tuple[str, str]]:
+        """What each of so many rows of no tick is called, and its unit: "m", "rad" or, where it is none of them, ""."""
+        name = self.name or type(self).__name__
+        return [(f"{name} row {i + 1}" if count > 1 else name, "") for i in range(count)]
 
 
 @dataclass(frozen=True)

@@ -33,9 +33,6 @@ from maira_qp.robots.model.robot import Robot
 EXACT = 1e-6
 """A range narrower than twice this [m or rad] is as wide as that: as exact as a pose that counts as reached."""
 
-ACTIVE_WITHIN = 1e-6
-"""A frame with no more room than this stands on the limit [m or rad]."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FrameLimit(Limit):
@@ -156,10 +153,10 @@ class PlacementLimit(FrameLimit):
         h = self.rows(at, None)[1]
         return {_joined(name, label): -float(left) for label, left in zip(self.labels, h, strict=True) if left < -KEPT}
 
-    def active(self, at: Configuration) -> list[str]:
-        """The rows that the frame stands on."""
-        h, name = self.rows(at, None)[1], self.name or self._kind
-        return [_joined(name, label) for label, left in zip(self.labels, h, strict=True) if left <= ACTIVE_WITHIN]
+    def named_rows(self, count: int) -> list[tuple[str, str]]:
+        """By their labels, in metres and in rad."""
+        name, metres = self.name or self._kind, self.metres
+        return [(_joined(name, label), "m" if i < metres else "rad") for i, label in enumerate(self.labels)]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

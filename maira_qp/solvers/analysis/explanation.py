@@ -1,4 +1,4 @@
-"""Why a solve ended as it did: what is left of the pose error, and which limits of joints, which bodies are in the way.
+"""Why a solve ended as it did: what is left of the pose error, and which limits, which bodies are in the way.
 
 At a stationary point the gradient of what was minimised is held up by limits alone; what a limit holds up, its
 multiplier, is what the cost would fall by, per rad or m, if the limit gave way (Nocedal and Wright, "Numerical
@@ -17,6 +17,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from maira_qp.problem.limits.collision import CollisionLimit
+from maira_qp.problem.limits.joint import Limit
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.options import Options
 from maira_qp.problem.problem import ACTIVE_WITHIN, Problem
@@ -24,7 +25,7 @@ from maira_qp.problem.qp.costs import multipliers
 from maira_qp.problem.redundancy import Strict, trades_off
 from maira_qp.problem.targets import Poses
 from maira_qp.problem.tasks.frame import FrameTask, frame_error
-from maira_qp.results.explanation import ActiveLimit, ActivePair, BrokenLimit, Explanation
+from maira_qp.results.explanation import ActiveLimit, ActivePair, ActiveRow, BrokenLimit, Explanation
 from maira_qp.results.solution import Solution
 from maira_qp.results.status import Status
 from maira_qp.robots.model.configuration import Configuration
@@ -48,9 +49,10 @@ def explain(solution: Solution, poses: Poses, context: Context, resolve: Resolve
     if solution.status is Status.LIMITS_BROKEN:
         return _of_broken_limits(solution, context)
     robot, question = context.robot, _Question(problem, poses, context, solution.q, resolve)
-    force = _force(problem, poses, robot.at(solution.q), solution)
+    at = robot.at(solution.q)
+    force = _force(problem, poses, at, solution)
     least = 10 * context.options.stationarity_tolerance
-    pairs, force = _pairs(poses, context, solution, force, least)
+    pairs, rows, force = _standing(poses, context, solution, force, least)
     standing = []
     for end, stands, forces in (
         ("lower", solution.q <= robot.lower + ACTIVE_WITHIN, force),
@@ -61,11 +63,17 @@ def explain(solution: Solution, poses: Poses, context: Context, resolve: Resolve
             unit = "m" if robot.slides[i] else "rad"
             standing.append(ActiveLimit(f"{robot.joint_names[i]} {end}", multiplier, 0.0, 0.0, None, unit))
     blocking = [limit.name for limit in standing if limit.multiplier > 0]
+    costly = {one.name for one in (*pairs, *rows) if one.multiplier > 0}
     touching = any(pair.multiplier > 0 for pair in pairs)
+    gone = tuple(
+        limit
+        for limit in context.further
+        if (touching if isinstance(limit, CollisionLimit) else any(name in costly for name, _ in limit.standing(at)[0]))
+    )
     blocked, free, alone = np.zeros(6), None, {}
-    if not solution.success and (blocking or touching or solution.status is not Status.UNREACHABLE):
-        free = question.solved_without(blocking, collisions=not touching)
-        blocked = question.way_to(free.q) if blocking or touching else blocked
+    if not solution.success and (blocking or gone or solution.status is not Status.UNREACHABLE):
+        free = question.solved_without(blocking, gone)
+        blocked = question.way_to(free.q) if blocking or gone else blocked
         # one limit alone is of use only if all together are
         alone = {name: question.solved_without([name], everywhere=free.success) for name in blocking}
     limits = [
@@ -96,6 +104,7 @@ def explain(solution: Solution, poses: Poses, context: Context, resolve: Resolve
         is_compromise=weighs and question.solved_without([]).success,
         hints=solution.hints,
         scope=solution.scope,
+        rows=rows,
     )
 
 
@@ -138,20 +147,40 @@ def _force(problem: Problem, poses: Poses, at: Configuration, solution: Solution
     return gradient + rows.T @ multipliers(rows, gradient, held)
 
 
-def _pairs(
+def _standing(
     poses: Poses, context: Context, solution: Solution, force: np.ndarray, least: float
-) -> tuple[tuple[ActivePair, ...], np.ndarray]:
-    """The pairs at their margin, the most costly first, and what they leave of the force (n,) to the joint limits.
+) -> tuple[tuple[ActivePair, ...], tuple[ActiveRow, ...], np.ndarray]:
+    """The pairs at their margin and the rows of other limits without room, the most costly first.
 
-    The multipliers are those, none negative, of pairs and joint limits together that balance the force best; where the
-    target is reached, of what of it is along the self-motion. Of pairs that share a name the sum counts.
+    And what they leave of the force (n,) to the joint limits. The multipliers are those, none negative, of pairs, rows
+    and joint limits together that balance the force best; where the target is reached, of what of it is along the
+    self-motion. Of pairs, or rows, that share a name the sum counts.
     """
+    at = context.robot.at(solution.q)
+    touching = [limit.touching(at) for limit in context.further if isinstance(limit, CollisionLimit)]
+    standing = [limit.standing(at) for limit in context.further if not isinstance(limit, CollisionLimit)]
+    near = [pair for pairs, _ in touching for pair in pairs]
+    named = [row for rows, _ in standing for row in rows]
+    if not near and not named:
+        return (), (), force
+    gradients = np.vstack([gradients for _, gradients in (*touching, *standing)])
+    held = _multipliers(gradients, poses, context, solution, force)
+    costs: dict[str, float] = {}
+    for (name, _), multiplier in zip((*near, *named), held, strict=True):
+        costs[name] = costs.get(name, 0.0) + float(multiplier)
+    costs = {name: cost if cost > least else 0.0 for name, cost in costs.items()}
+    distances = {name: min(far for other, far in near if other == name) for name, _ in near}
+    pairs = [ActivePair(name, distance, costs[name]) for name, distance in distances.items()]
+    rows = [ActiveRow(name, costs[name], unit) for name, unit in dict(named).items()]
+    by_cost = lambda one: -one.multiplier  # noqa: E731
+    return tuple(sorted(pairs, key=by_cost)), tuple(sorted(rows, key=by_cost)), force - held @ gradients
+
+
+def _multipliers(
+    gradients: np.ndarray, poses: Poses, context: Context, solution: Solution, force: np.ndarray
+) -> np.ndarray:
+    """What of a force (n,) rows with gradients (k, n) hold up (k,), beside the joint limits."""
     robot, at = context.robot, context.robot.at(solution.q)
-    found = [limit.touching(at) for limit in context.further if isinstance(limit, CollisionLimit)]
-    named = [pair for pairs, _ in found for pair in pairs]
-    if not named:
-        return (), force
-    gradients = np.vstack([gradients for _, gradients in found])
     lower, upper = at.q <= robot.lower + ACTIVE_WITHIN, at.q >= robot.upper - ACTIVE_WITHIN
     slopes = np.vstack([gradients, np.eye(at.n)[lower], -np.eye(at.n)[upper]])
     kept = np.eye(at.n)
@@ -159,13 +188,7 @@ def _pairs(
         rows = context.problem.costs(poses)[0].rows(at)[0]
         kept -= np.linalg.pinv(rows) @ rows
     size = max(1.0, float(np.abs(force).max()))
-    held = nnls((slopes @ kept).T, kept @ force / size)[0][: len(named)] * size
-    pairs = []
-    for name in dict.fromkeys(name for name, _ in named):
-        own = [i for i, (other, _) in enumerate(named) if other == name]
-        multiplier = float(held[own].sum())
-        pairs.append(ActivePair(name, min(named[i][1] for i in own), multiplier if multiplier > least else 0.0))
-    return tuple(sorted(pairs, key=lambda pair: -pair.multiplier)), force - held @ gradients
+    return nnls((slopes @ kept).T, kept @ force / size)[0][: len(gradients)] * size
 
 
 @dataclass(frozen=True)
@@ -178,10 +201,10 @@ class _Question:
     q: np.ndarray
     resolve: Resolve
 
-    def solved_without(self, limits: list[str], collisions: bool = True, everywhere: bool = True) -> Solution:
-        """The tasks solved from q (n,), without these limits; past them the joints go no further than they must.
+    def solved_without(self, limits: list[str], gone: tuple[Limit, ...] = (), everywhere: bool = True) -> Solution:
+        """The tasks solved from q (n,), without these joint limits; past them joints go no further than they must.
 
-        Without `collisions`, bodies may touch as well. `everywhere`: where that fails, from as many starts as a solve.
+        Of the others without those that are `gone`. `everywhere`: where that fails, from as many starts as a solve.
         """
         robot, held = self.context.robot, np.full(len(self.q), OTHERS_COUNT)
         options = self.context.options
@@ -191,7 +214,7 @@ class _Question:
         problem = Problem.build(
             robot.released(limits) if limits else robot,
             task=self.problem.tasks,
-            limits=[one for one in self.context.further if collisions or not isinstance(one, CollisionLimit)],
+            limits=[limit for limit in self.context.further if not any(limit is one for one in gone)],
             redundancy=Strict(Posture(self.q, held)),
             options=replace(options, max_restarts=restarts if everywhere else 0, deadline=None),
         )

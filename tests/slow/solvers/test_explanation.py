@@ -3,6 +3,7 @@
 import pickle
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from support.robots import load
 
@@ -263,3 +264,102 @@ def test_what_limits_and_bodies_cost_side_by_side_is_told_apart(side):
     assert one.name == ("x upper" if side > 0 else "x lower")
     assert one.multiplier == pytest.approx(0.5 * weight**2, rel=1e-3)
     assert pair.multiplier == pytest.approx(0.12 * weight**2, rel=1e-3)
+
+
+HOME = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 2.0, 0.79])
+"""A configuration of the Panda, far from its joint limits."""
+
+FREE = np.inf
+
+
+def in_the_way(kind: str, robot: mq.Robot, wider: float) -> tuple[mq.Limit, np.ndarray, str, str]:
+    """A limit about `HOME`, `wider` [m or rad], a way (6,) that leads out of it, and its active row's name and unit."""
+    T, aside, tilted = robot.forward(HOME), np.array([0, 0.05, 0, 0, 0, 0]), np.array([0, 0, 0, 0, 0.5, 0])
+    p, angle = T.translation, np.radians(10) + wider
+    if kind == "cone":
+        return mq.ConeLimit(direction=T.rotation[:, 2], angle=angle), tilted, "ConeLimit", "rad"
+    if kind == "cone of the call":
+        return mq.ConeLimit(name="cup", angle=angle), tilted, "cup", "rad"
+    if kind == "plane":
+        return mq.HalfSpaceLimit(normal=[0, -1, 0], point=p + np.array([0, wider, 0])), aside, "HalfSpaceLimit", "m"
+    if kind == "box":
+        return mq.BoxLimit(upper=[FREE, p[1] + 0.01 + wider, FREE]), aside, "BoxLimit y upper", "m"
+    if kind == "range":
+        ranges = mq.PoseRange(target=T, axes="base", about="x", orientation=[FREE, angle, FREE])
+        return ranges, tilted, "PoseRange about y upper", "rad"
+    if kind == "distance":
+        return mq.DistanceLimit(point=p - [0, 0.2, 0], upper=0.21 + wider), aside, "DistanceLimit upper", "m"
+    lift = np.eye(7)[3]
+    stretch = np.array([0.15, 0, 0.1, 0, 0, 0])
+    return mq.LinearLimit([lift, -lift], [HOME[3] + 0.01 + wider, 9.0]), stretch, "LinearLimit row 1", ""
+
+
+ROWS = ["cone", "cone of the call", "plane", "box", "range", "distance", "linear"]
+
+
+@pytest.mark.parametrize("kind", ROWS)
+def test_a_limit_beside_those_of_the_joints_is_named_with_what_it_costs(kind):
+    """The only thing in the way: its multiplier is what the cost falls by where it is 1e-4 wider, by differences."""
+    robot, costs, step = load("panda"), [], 1e-4
+    here, start = robot.forward(HOME), HOME
+    for wider in (step, 0.0):
+        limit, way, name, unit = in_the_way(kind, robot, wider)
+        target = pin.SE3(pin.exp3(way[3:]) @ here.rotation, here.translation + way[:3])
+        solver = mq.Solver(robot, limits=[limit], options=mq.Options(max_restarts=0, stationarity_tolerance=1e-8))
+        s = solver.solve({"panda_hand_tcp": target, "cup": here} if "call" in kind else target, q0=start)
+        assert s.status is mq.Status.NEAREST
+        costs.append(0.5 * np.sum((solver.tasks[0].weights * mq.pose_error(robot.forward(s.q), target)) ** 2))
+        start = s.q
+    why = s.explain()
+    assert s.active_limits == [name]
+    assert [(row.name, row.unit) for row in why.rows] == [(name, unit)]
+    assert why.rows[0].multiplier == pytest.approx((costs[1] - costs[0]) / step, rel=2e-2)
+    assert why.blocking == (name,)
+    assert why.is_reached_without
+    assert np.linalg.norm(why.blocked) > 0.02
+    assert f"{name} blocks " in str(why)
+    assert "Without these limits the target would be reached." in str(why)
+    assert "holds it back" not in str(why)
+    assert why.as_dict()["rows"][0]["multiplier"] == why.rows[0].multiplier
+    assert str(pickle.loads(pickle.dumps(why))) == str(why)
+
+
+@pytest.mark.parametrize("kind", ROWS)
+def test_a_limit_that_the_answer_does_not_stand_on_is_no_reason(kind):
+    """A target out of reach, past a limit that is wide."""
+    robot = load("panda")
+    limit, here = in_the_way(kind, robot, 2.9)[0], robot.forward(HOME)
+    target = pin.SE3(here.rotation, here.translation + np.array([0, 0, 3.0]))
+    solver = mq.Solver(robot, limits=[limit], options=mq.Options(max_restarts=0))
+    s = solver.solve({"panda_hand_tcp": target, "cup": here} if "call" in kind else target, q0=HOME)
+    why = s.explain()
+    assert not s.success
+    assert why.rows == ()
+
+
+def test_a_joint_limit_and_a_row_share_what_they_hold_up():
+    """A gantry whose target is past the end of x, and past a row that couples x and y: the force is that of both."""
+    slide = {"kind": "prismatic", "lower": 0, "upper": 1}
+    half = np.pi / 2
+    turns = [{"theta": 0, "alpha": half}, {"theta": half, "alpha": half}, {"theta": 0, "alpha": 0}]
+    robot = mq.Robot.from_dh([mq.DHLink(**slide, **turn) for turn in turns])
+    solver = mq.Solver(robot, task=mq.PositionTask(), limits=[mq.LinearLimit([[1.0, 1.0, 0.0]], [1.5])])
+    s = solver.solve(robot.forward([1.7, 0.9, 0.5]))
+    np.testing.assert_allclose(s.q, [1.0, 0.5, 0.5], atol=1e-6)
+    why, weight = s.explain(), solver.tasks[0].weights[0] ** 2
+    ends = {one.name: one.multiplier for one in (*why.limits, *why.rows)}
+    assert ends == {
+        "joint1 upper": pytest.approx(0.3 * weight, rel=1e-3),
+        "LinearLimit": pytest.approx(0.4 * weight, rel=1e-3),
+    }
+
+
+def test_a_reached_target_on_a_row_says_that_it_stands_on_it():
+    """With nothing to hold up."""
+    robot = load("panda")
+    row = np.eye(7)[3]
+    s = mq.Solver(robot, limits=[mq.LinearLimit([row, -row], [HOME[3], 9.0])]).solve(robot.forward(HOME), q0=HOME)
+    assert s.success
+    assert s.active_limits == ["LinearLimit row 1"]
+    assert [each.multiplier for each in s.explain().rows] == [0.0]
+    assert str(s.explain()) == "The target is reached. It stands on LinearLimit row 1."
