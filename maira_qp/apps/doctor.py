@@ -42,6 +42,10 @@ EXTRAS = {
     "rerun": ("rerun",),
     "closed-form": ("eaik",),
     "qp": ("piqp", "clarabel"),
+    "scale": ("dask", "distributed", "zarr", "pyarrow"),
+    "ray": ("ray",),
+    "mujoco": ("mujoco",),
+    "xacro": ("xacro",),
 }
 """Modules that an extra brings."""
 POSE = ((0.4, 0.2, 0.9), (0.0, 1.0, 0.0, 0.0))

@@ -199,7 +199,15 @@ class Problem:
                 raise OptionError(f"no obstacle {shown(name)}; {there}")
         for i in {i for name in poses for i in known[name]}:
             parts[i] = parts[i].with_obstacles({name: pose for name, pose in poses.items() if i in known[name]})
-        return self._with_parts(tuple(parts))
+        problem = self._with_parts(tuple(parts))
+        for i in {i for each in known.values() for i in each}:
+            parts[i].check_placed()
+        return problem
+
+    def check_placed(self) -> None:
+        """Check that each obstacle of a call that gives none has a pose. Raises `OptionError`."""
+        for i in {i for each in self.obstacle_places.values() for i in each}:
+            self.parts[i].check_placed()
 
     @cached_property
     def obstacle_places(self) -> dict[str, tuple[int, ...]]:

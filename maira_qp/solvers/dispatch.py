@@ -180,7 +180,10 @@ class Engines:
 
     def with_obstacles(self, poses: Any) -> Engines:
         """The engines of a call in which obstacles stand elsewhere, {name: pose} or None; see `Problem`."""
-        return self if poses is None else self.with_problem(self.problem.with_obstacles(poses))
+        if poses is None:
+            self.problem.check_placed()
+            return self
+        return self.with_problem(self.problem.with_obstacles(poses))
 
     def about(self, target: Any) -> Engines:
         """The engines with hard limits about the target of a call, where some need it. Raises `PoseError`."""

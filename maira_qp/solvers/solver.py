@@ -278,7 +278,8 @@ class Solver(Shown):
                 number, (n,), or {joint name: value} with others free [rad or m]. What is said of limits then holds
                 within that box, and `s.scope` says so: UNREACHABLE is no verdict on the arm itself.
             weights: {name: factor} for the weights of tasks and objectives in this call, >= 0; 0 switches one off.
-            obstacles: {name: pose}: where obstacles of a `CollisionLimit` stand in this call. Nothing is loaded again.
+            obstacles: {name: pose}: where obstacles of a `CollisionLimit` stand in this call; needed for those of a
+                mapping that were made without a pose. Nothing is loaded again.
 
         Raises `PoseError`, `FrameError`, `ConfigurationError`, `OptionError` for invalid arguments; an outcome is a
         `Status`.
@@ -407,7 +408,9 @@ class Solver(Shown):
         from maira_qp.solvers.enumeration.all_solutions import all_solutions  # heavy: Numba comes with it
 
         solver = self._for(tool)
-        engines, target = solver._of_call(solver.engines.of_solves, target, None, None, in_frame, base)
+        engines, target = solver._of_call(
+            solver.engines.of_solves.with_obstacles(None), target, None, None, in_frame, base
+        )
         targets = engines.problem.target(target)
         redundancy, engine = engines.problem.redundancy, engines.about(targets).reference
         objective = Posture() if redundancy is None else redundancy.objectives[0]
@@ -459,7 +462,9 @@ class Solver(Shown):
         """
         check_callable(progress, "progress", OptionError)
         solver, start = self._for(tool), self.problem.start(q0)
-        engines, path = solver._of_call(solver.engines.of_solves, path, None, start, in_frame, base)
+        engines, path = solver._of_call(
+            solver.engines.of_solves.with_obstacles(None), path, None, start, in_frame, base
+        )
         engines, path = engines.about_one(path)
         targets = engines.problem.targets(path, "path pose")
         if not targets.is_finite.all():

@@ -66,7 +66,8 @@ class CollisionLimit(Limit):
 
     obstacles: Any = ()
     """What stands around the robot, in the base: `Sphere`, `Box`, `Capsule`, `Cylinder`, `Mesh`, in a sequence or by
-    their names, {"ball": mq.Sphere(0.1)}. One that has a name may stand elsewhere in a call."""
+    their names, {"ball": mq.Sphere(0.1)}. One that has a name may stand elsewhere in a call; one of a mapping that
+    is made without a pose needs one in each call."""
     margin: float = 0.01
     """Distance that every pair keeps [m]; >= 0"""
     influence: float = 0.1
@@ -90,6 +91,7 @@ class CollisionLimit(Limit):
     are limited."""
     _scene: Scene | None = field(default=None, repr=False)
     _braking: _Braking | None = field(default=None, repr=False)
+    _unplaced: frozenset[str] = field(default=frozenset(), repr=False)
 
     def __post_init__(self) -> None:
         for name in ("margin", "influence", "gain"):
@@ -97,7 +99,11 @@ class CollisionLimit(Limit):
             if not (value > 0 or (name == "margin" and value == 0)):
                 raise OptionError(f"{name} of a CollisionLimit must be positive, got {value}")
             object.__setattr__(self, name, value)
-        object.__setattr__(self, "obstacles", _named_obstacles(self.obstacles))
+        given = self.obstacles
+        object.__setattr__(self, "obstacles", _named_obstacles(given))
+        if isinstance(given, Mapping):
+            unplaced = frozenset(name for name, one in given.items() if not one.has_own_pose)
+            object.__setattr__(self, "_unplaced", unplaced)
         object.__setattr__(self, "meshes", _directories(self.meshes))
         if not isinstance(self.missing, str) or self.missing not in ("error", "ignore"):
             raise OptionError(f"missing of a CollisionLimit; {listed(('error', 'ignore'), self.missing)}")
@@ -150,7 +156,21 @@ class CollisionLimit(Limit):
             k = names.index(name)
             places[own + k] = as_place(pose, f"pose of {name!r}")
             obstacles[k] = _changed(obstacles[k], pose=places[own + k])
-        return _changed(self, obstacles=tuple(obstacles), _scene=self.scene.moved(places))
+        unplaced = self._unplaced.difference(poses) if self._unplaced else self._unplaced
+        return _changed(self, obstacles=tuple(obstacles), _scene=self.scene.moved(places), _unplaced=unplaced)
+
+    def check_placed(self) -> None:
+        """Check that each obstacle has a pose, its own or that of a call. Raises `OptionError`."""
+        if self._unplaced:
+            names = [name for name in self.obstacle_names if name in self._unplaced]
+            poses = ", ".join(f'"{name}": pose' for name in names)
+            lacking = ", ".join(map(repr, names))
+            raise OptionError(f"no pose of {lacking}: give obstacles={{{poses}}} in the call, or make it with a pose")
+
+    def _contacts(self, q: np.ndarray, within: float) -> Contacts:
+        """Of the pairs nearer than a distance [m]. Raises `OptionError` for an obstacle without a pose."""
+        self.check_placed()
+        return self.scene.contacts(q, within)
 
     def _obstacle_parts(self, robot: Robot) -> list[Part]:
         """The obstacles as parts that do not move."""
@@ -189,7 +209,7 @@ class CollisionLimit(Limit):
             return (-contacts.gradients, contacts.distances - self.margin) if len(contacts.pairs) else None
         assert self._braking is not None
         influence = self._braking.influence(self.influence, tick)
-        contacts = self.scene.contacts(at.q, self.margin + influence)
+        contacts = self._contacts(at.q, self.margin + influence)
         if not len(contacts.pairs):
             return None
         left, G = contacts.distances - self.margin, -contacts.gradients
@@ -251,7 +271,7 @@ class CollisionLimit(Limit):
         """The pair with the smallest distance; None if there are no pairs."""
         contacts = self._near(at)
         if not len(contacts.pairs):
-            contacts = self.scene.contacts(at.q, math.inf)
+            contacts = self._contacts(at.q, math.inf)
             if not len(contacts.pairs):
                 return None
         index = int(contacts.distances.argmin())
@@ -268,7 +288,7 @@ class CollisionLimit(Limit):
         C = np.zeros((at.n, at.n))
         for j, dq in enumerate(DIFFERENCE * np.eye(at.n)):
             for sign in (1.0, -1.0):
-                beside = self.scene.contacts(at.q + sign * dq, self.margin + self.influence)
+                beside = self._contacts(at.q + sign * dq, self.margin + self.influence)
                 row = dict(zip(beside.pairs.tolist(), beside.gradients, strict=True))
                 for pair, weight in zip(pairs.tolist(), weights, strict=True):
                     if pair in row:
@@ -279,7 +299,7 @@ class CollisionLimit(Limit):
         """The pairs nearer than `margin + influence`, kept for a configuration."""
         kept = at.kept.get((id(self.scene), "near"))
         if kept is None:
-            found = self.scene.contacts(at.q, self.margin + self.influence)
+            found = self._contacts(at.q, self.margin + self.influence)
             kept = at.kept[id(self.scene), "near"] = (self.scene, found)
         return kept[1]
 

@@ -142,6 +142,9 @@ class Limit:
         """The bodies around the robot that a call may move."""
         return ()
 
+    def check_placed(self) -> None:
+        """Check that each obstacle has a pose, if there are any. Raises `OptionError`."""
+
     def with_obstacles(self, poses: Mapping[str, Any]) -> Limit:
         """The limit, bound to a robot, with some of these elsewhere. Raises `OptionError`, `PoseError`."""
         return self

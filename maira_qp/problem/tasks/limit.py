@@ -84,6 +84,10 @@ class LimitTask(Task):
         """Those of the limit."""
         return self.limit.obstacle_names
 
+    def check_placed(self) -> None:
+        """As its limit does."""
+        self.limit.check_placed()
+
     def with_obstacles(self, poses: Mapping[str, Any]) -> LimitTask:
         """The same with obstacles of its limit elsewhere. Raises what that raises."""
         return self._limited(self.limit.with_obstacles(poses))

@@ -6,7 +6,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import coal
 import numpy as np
@@ -23,12 +23,15 @@ class Shape(ABC):
 
     pose: Any
     name: str
+    has_own_pose: ClassVar[bool]
+    """Of each: whether it was made with a pose."""
 
     def _check(self, **sizes: tuple[int, ...]) -> None:
         """The pose as a copy, the sizes of those array shapes as floats. Raises `OptionError`, `PoseError`."""
         kind = type(self).__name__
         if not isinstance(self.name, str):
             raise OptionError(f"name of a {kind} must be text, not {shown(self.name)}")
+        object.__setattr__(self, "has_own_pose", self.pose is not None)
         T = self.pose.homogeneous if isinstance(self.pose, pin.SE3) else np.eye(4) if self.pose is None else self.pose
         T = rigid(T, f"pose of a {kind}")
         object.__setattr__(self, "pose", pin.SE3(T[:3, :3].copy(), T[:3, 3].copy()))

@@ -131,3 +131,27 @@ def test_obstacles_by_name_are_shapes(maira):
     with pytest.raises(OptionError, match="by their names"):
         mq.CollisionLimit(obstacles=mq.Sphere(0.1))
     assert limit_with().obstacle_names == ("ball", "box")
+
+
+def test_an_obstacle_without_a_pose_has_that_of_the_call(maira):
+    """A solver is made of it; each call without its pose is refused, and one with it is as if it were made with it."""
+    limit, T = mq.CollisionLimit(obstacles={"ball": mq.Sphere(0.08), "box": BOX}), mq.pose([0.5, -0.4, 0.8])
+    solver, target = mq.Solver(maira, limits=[limit]), maira.forward(maira.middle)
+    other = {"box": mq.pose([2.0, 0.0, 0.0])}
+    calls = [
+        lambda: solver.solve(target),
+        lambda: solver.solve(target, obstacles=other),
+        lambda: solver.solve_batch([target]),
+        lambda: solver.step(maira.middle, target, 0.01),
+        lambda: solver.solutions(target),
+        lambda: solver.track([target]),
+        lambda: limit.of(maira).distance(maira.at(maira.middle)),
+    ]
+    for call in calls:
+        with pytest.raises(OptionError, match=r"^no pose of 'ball': give obstacles=\{\"ball\": pose\} in the call"):
+            call()
+    placed = mq.CollisionLimit(obstacles={"ball": mq.Sphere(0.08, T), "box": BOX})
+    s = solver.solve(target, obstacles={"ball": T})
+    np.testing.assert_allclose(s.q, mq.Solver(maira, limits=[placed]).solve(target).q, rtol=0, atol=1e-9)
+    at = maira.at(maira.middle)
+    assert mq.CollisionLimit(obstacles=[mq.Sphere(0.08, name="ball")]).of(maira).distance(at) < 0.1  # at the origin

@@ -3,7 +3,9 @@
 import importlib.metadata
 import importlib.util
 import json
+import re
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -57,6 +59,15 @@ def test_what_is_optional_may_be_absent(without, monkeypatch, capsys):
     out = capsys.readouterr().out
     for advice in ("pip install 'maira-qp[plot]'", "pip install 'maira-qp[closed-form]'", "pip install proxsuite"):
         assert advice in out
+
+
+def test_the_extras_are_those_that_pip_knows():
+    """But those for work on the project itself."""
+    text = (Path(__file__).parents[3] / "pyproject.toml").read_text(encoding="utf-8")
+    section = re.split(r"^\[.*\]$", text.split("[project.optional-dependencies]")[1], flags=re.MULTILINE)[0]
+    names = set(re.findall(r"^([\w-]+) = \[", section, flags=re.MULTILINE))
+    assert set(doctor.EXTRAS) == names - {"bench", "docs", "dev"}
+    assert set(found(doctor.extras)) == set(doctor.EXTRAS)
 
 
 def test_what_is_needed_may_not(without, capsys):
