@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from maira_qp.robots.model.robot import Robot
 
 CATALOG = ("maira", "iiwa14")
+COUNTS = {2: "two", 3: "three", 4: "four", 5: "five"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +23,8 @@ class RobotChoice:
     """A name that `maira-qp robots` lists, a URDF, xacro or MJCF file (.urdf, .xacro, .xml), or a DH table (.toml,
     .yaml or .yml)."""
     tip: str | None = None
-    """Link that is the tool; none: the only end of the chain."""
+    """Link that is the tool; none: the only end of the chain; of a robot with several, one must be
+    named."""
     base: str | None = None
     """Link that poses are relative to; none: the root."""
     limits: tuple[str, ...] = ()
@@ -46,6 +48,15 @@ class RobotChoice:
         if self.tip is None and self.base is None and not limits:
             return robot
         return Robot.from_urdf(robot.urdf, tip=self.tip or robot.tip, base=self.base, limits=limits)
+
+    def load_with_one_tip(self) -> Robot:
+        """The robot, for what asks for one pose. Raises what `load` does; `OptionError` for several tips."""
+        robot = self.load()
+        if len(robot.tips) > 1:
+            count = COUNTS.get(len(robot.tips), len(robot.tips))
+            each = " or ".join(f"--tip {tip}" for tip in robot.tips)
+            raise OptionError(f"{robot.name} has {count} tips; name one: {each}")
+        return robot
 
 
 def _limits(word: str) -> tuple[str, tuple[float, float]]:

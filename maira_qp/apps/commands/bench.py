@@ -41,7 +41,7 @@ class Bench:
         from maira_qp.evaluation.statistics import summarise
 
         has_picture = picture_is_possible(self.output / PICTURE)
-        made = plan(self.choice.load(), self.settings, self.options)
+        made = plan(self.choice.load_with_one_tip(), self.settings, self.options)
         with progress_bar("solving") as progress:
             rows = run(made, self.output / "rows.jsonl", lambda done: progress(done, made.rows))
         summaries = summarise(rows)

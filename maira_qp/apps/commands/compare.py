@@ -42,7 +42,7 @@ class Compare:
         from maira_qp.evaluation.report import flat
 
         has_picture = picture_is_possible(self.picture)
-        robot = self.choice.load()
+        robot = self.choice.load_with_one_tip()
         with progress_bar("solving") as progress:
             comparison = compare(
                 robot,

@@ -34,7 +34,7 @@ class Fk:
         from maira_qp.robots.unit_hints import degrees_hint
         from maira_qp.robots.urdf.rpy import rpy_from_matrix
 
-        robot = self.choice.load()
+        robot = self.choice.load_with_one_tip()
         units = Units(robot, self.deg, self.mm)
         q = units.read(self.q or np.zeros(robot.n), "the joint values")
         T = robot.forward(q).homogeneous

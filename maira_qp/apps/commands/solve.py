@@ -92,7 +92,7 @@ class Solve:
         self._check_flags()
         seed = checked_seed(self.seed)
         redundancy = self.redundancy.load()
-        robot = self.choice.load()
+        robot = self.choice.load_with_one_tip()
         units = Units(robot, self.deg, self.mm)
         q0 = None if self.q0 is None else units.read(self.q0, "--q0")
         others = ", or --batch FILE with many"

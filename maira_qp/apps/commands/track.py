@@ -102,7 +102,7 @@ class Track:
         from maira_qp.solvers.solver import Solver
 
         self._check_flags()
-        seed, robot = checked_seed(self.seed), self.choice.load()
+        seed, robot = checked_seed(self.seed), self.choice.load_with_one_tip()
         units, solver = Units(robot, self.deg, self.mm), Solver(robot, task=self._task(), options=self.options)
         poses = self._read(robot, units)
         q0 = self._start(poses, units)

@@ -45,3 +45,11 @@ def test_an_xml_file_is_mjcf_where_it_says_so(tmp_path):
     assert RobotChoice(robot=str(path)).load().tip == "b"
     path.write_text(mq.Robot.maira().urdf)
     assert RobotChoice(robot=str(path)).load().n == 7
+
+
+@pytest.mark.parametrize("command", [["fk"], ["solve", "--position", "0.5", "0", "0.5"]])
+def test_a_robot_with_several_tips_needs_one_named(command, capsys):
+    assert cli.main([*command, "--robot", "baxter"]) == 2
+    told = " ".join(capsys.readouterr().err.split())
+    assert "baxter has two tips; name one: --tip left_gripper or --tip right_gripper" in told
+    assert cli.main(["fk", "--robot", "baxter", "--tip", "left_gripper"]) == 0

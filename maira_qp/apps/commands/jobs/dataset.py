@@ -53,7 +53,7 @@ class Dataset:
         check_pyarrow()
         self.how.options()
         job = DatasetJob.of(
-            self.choice.load(),
+            self.choice.load_with_one_tip(),
             rows=self.rows,
             poses=self.poses,
             labels=self.labels,

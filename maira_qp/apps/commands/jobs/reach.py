@@ -60,7 +60,7 @@ class Reach:
         self.how.options()
         box = None if self.box is None else [self.box[i : i + 2] for i in (0, 2, 4)]
         job = ReachJob.of(
-            self.choice.load(),
+            self.choice.load_with_one_tip(),
             cell=self.cell,
             directions=self.directions,
             rolls=self.rolls,
