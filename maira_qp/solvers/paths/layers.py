@@ -36,10 +36,12 @@ class Density:
     """Configurations of a layer"""
     fresh: int
     """Configurations that each layer begins from anywhere"""
+    both_ways: bool = False
+    """What a layer holds is followed back to the one before as well: what leads there from a singular pose, say"""
 
     def finer(self) -> Density:
-        """Three times as many layers of half as many configurations more."""
-        return Density(self.spacing / 3, 3 * self.most // 2, 3 * self.fresh // 2)
+        """Three times as many layers of half as many configurations more, followed both ways."""
+        return Density(self.spacing / 3, 3 * self.most // 2, 3 * self.fresh // 2, True)
 
 
 def arc_lengths(path: PathArrays) -> np.ndarray:
@@ -80,13 +82,22 @@ def layers_of(
             fresh = density.fresh * (1 if layers and is_redundant else FIRST_TIMES)
             starts = np.concatenate([before, *_aside(before, rng), _anywhere(path, fresh, rng)])
             found, arrived = path.descend(np.full(len(starts), index), starts)
-            at_one_turn = path.problem.turns.in_window(np.concatenate([here, found[arrived]]))
-            here = _thinned(at_one_turn, density.most)
-            if path.problem.turns.everywhere.any():
-                here = path.exactly(np.full(len(here), index), here)
+            here = _merged(path, index, here, found[arrived], density.most)
         layers.append(here)
         before = here
+    if density.both_ways:
+        for k in range(len(layers) - 2, 0 if is_start_given else -1, -1):
+            found, arrived = path.descend(np.full(len(layers[k + 1]), at[k]), layers[k + 1])
+            layers[k] = _merged(path, at[k], layers[k], found[arrived], density.most)
     return layers
+
+
+def _merged(path: PathArrays, index: int, here: np.ndarray, found: np.ndarray, most: int) -> np.ndarray:
+    """Both, (k, n) and (m, n), at one turn, one of each cell, at most so many."""
+    here = _thinned(path.problem.turns.in_window(np.concatenate([here, found])), most)
+    if path.problem.turns.everywhere.any():
+        here = path.exactly(np.full(len(here), index), here)
+    return here
 
 
 def _aside(q: np.ndarray, rng: np.random.Generator) -> list[np.ndarray]:

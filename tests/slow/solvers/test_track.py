@@ -11,6 +11,9 @@ from support.robots import load
 
 import maira_qp as mq
 from maira_qp.errors import ConfigurationError, OptionError, PoseError
+from maira_qp.problem.targets import row_of
+from maira_qp.solvers.paths.descents import PathArrays
+from maira_qp.solvers.paths.layers import Density, layer_indices, layers_of
 
 POSES = 120
 
@@ -490,3 +493,21 @@ def test_an_empty_path_can_be_looked_at():
     assert "0 poses" in repr(path)
     assert path.parts == []
     assert path._repr_html_()
+
+
+def test_what_a_layer_holds_is_followed_back_to_a_singular_pose():
+    """Where the wrist is stretched its joints trade turns for nothing, and few that are drawn lead on."""
+    robot = load("ur5_limited")
+    q = np.array([0.4, -1.2, 1.3, 0.7, 0.0, -1.1])
+    motion = q + np.linspace(0.0, 1.0, 40)[:, None] * np.array([0.3, 0.2, -0.3, 0.4, 0.5, 0.2])
+    engines = mq.Solver(robot).engines
+    rows = np.array([row_of(robot.forward(each)) for each in motion])
+    path = PathArrays(engines.compiled, rows, np.arange(40), np.full(6, 0.5), engines.problem)
+    nodes, leading = [np.empty((0, 6)), *(each[None] for each in motion[1:])], []
+    for both_ways in (False, True):
+        density = Density(spacing=0.1, most=150, fresh=16, both_ways=both_ways)
+        at = layer_indices(path, density.spacing)
+        first, second, *_ = layers_of(path, at, nodes, False, density, np.random.default_rng(0))
+        leading.append((np.abs(second[:, None] - first).max(axis=2).min(axis=1) < 0.2).mean())
+    assert leading[0] < leading[1]
+    assert leading[1] > 0.6
