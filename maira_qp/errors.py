@@ -67,13 +67,13 @@ def listed(names: Iterable[str], wanted: object = None, limit: int = 40) -> str:
 
 
 def hint(names: Sequence[str], wanted: object) -> str:
-    """The question whether the name nearest to `wanted` was meant, with a space behind; empty where none is near."""
+    """Ask whether the one of `names` nearest to `wanted` was meant, with a space behind; empty where none is near."""
     close = difflib.get_close_matches(wanted[:200], names, n=1) if isinstance(wanted, str) else []
     return f"did you mean {close[0]!r}? " if close else ""
 
 
 def joined(names: Sequence[str], limit: int = 40) -> str:
-    """Names as text for a message, cut at `limit`."""
+    """`names` as text for a message, cut at `limit`."""
     rest = f", ... ({len(names) - limit} more)" if len(names) > limit else ""
     return f"{', '.join(names[:limit])}{rest}"
 

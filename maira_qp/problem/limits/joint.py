@@ -224,7 +224,7 @@ class Limit:
         return [named[i] for i in on], -G[on]
 
     def named_rows(self, count: int) -> list[tuple[str, str]]:
-        """What each of so many rows of no tick is called, and its unit: "m", "rad" or, where it is none of them, ""."""
+        """What each of `count` rows of no tick is called, and its unit: "m", "rad" or, where it is neither, ""."""
         name = self.name or type(self).__name__
         return [(f"{name} row {i + 1}" if count > 1 else name, "") for i in range(count)]
 
