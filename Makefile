@@ -5,8 +5,8 @@ BIN := .venv/bin
 # Tests of kernels that are run once more as Numba compiles them without the project's own passes, kernels/parts.py.
 WITHOUT_PASSES := tests/unit/kernels/test_rigid.py tests/unit/kernels/test_random_numbers.py tests/unit/kernels/test_qp.py
 
-# Tests that run once more with the oldest Pinocchio that is supported: all that touches its models.
-WITH_PINOCCHIO := tests/unit/robots tests/unit/integrations
+# Tests that run once more with the oldest Pinocchio that is supported: what asks most of its models.
+WITH_PINOCCHIO := $(addprefix tests/unit/robots/,test_models.py test_robot.py test_tools_and_bases.py test_joint_names.py) tests/unit/integrations
 
 .PHONY: demo test oldest quick lint examples docs gallery clean
 

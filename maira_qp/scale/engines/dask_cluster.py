@@ -47,7 +47,7 @@ class DaskCluster(Engine):
             raise JobError(f"the scheduler of Dask is not reached, or was lost: {reason}") from None
 
     def _own(self) -> dict[str, Any]:
-        return {"n_workers": self.workers, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+        return {"n_workers": self.workers, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
 
     def _run(self, client: Any, work: Work, plan: Plan, done: Done) -> None:
         from distributed import KilledWorker, wait

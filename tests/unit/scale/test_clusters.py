@@ -28,7 +28,7 @@ def test_dask_tells_what_the_job_raises_and_keeps_what_was_done(marks, tmp_path)
     distributed = pytest.importorskip("distributed")
     job = MarkedJob(marks=marks, broken=(35,))
     with (
-        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0") as cluster,
         pytest.raises(ArithmeticError, match="item 35 cannot be"),
     ):
         run(job, tmp_path / "job", engine="dask", address=cluster.scheduler_address, shard=10, workers=1)
