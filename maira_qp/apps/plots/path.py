@@ -12,7 +12,7 @@ from maira_qp.analytic.srs.geometry import SRS
 from maira_qp.apps.plots.joint_paths import joint_paths
 from maira_qp.apps.plots.self_motion import within_circle
 from maira_qp.apps.plots.style import COLORS, LIMIT_COLOR, figure, finish, line, styled
-from maira_qp.apps.viewer.elbow import elbow_of
+from maira_qp.apps.viewer.motion.elbow import elbow_of
 from maira_qp.results.path_solution import PathSolution
 from maira_qp.results.trajectory import Trajectory
 from maira_qp.robots.model.robot import Robot, condition_numbers

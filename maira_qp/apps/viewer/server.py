@@ -9,22 +9,19 @@ import socket
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import viser
 
 from maira_qp.apps.arguments.robot_choice import RobotChoice
-from maira_qp.apps.viewer.drawing.geometry import Geometry, geometry_of
 from maira_qp.apps.viewer.drawing.scene import Scene, frame_camera
 from maira_qp.apps.viewer.loop import Loop
-from maira_qp.apps.viewer.panel import Loaded, Panel
+from maira_qp.apps.viewer.panel.panel import Panel
+from maira_qp.apps.viewer.prepared import Prepared, prepared
 from maira_qp.apps.viewer.session import Session
-from maira_qp.apps.viewer.tips import tips_in
 from maira_qp.apps.viewer.view import View
-from maira_qp.errors import FrameError, MairaError, OptionError, PoseError
+from maira_qp.errors import MairaError, OptionError, PoseError
 from maira_qp.paths import from_csv
 
 log = logging.getLogger(__name__)
@@ -43,12 +40,12 @@ class Viewer:
 
     def __init__(self, choice: RobotChoice, host: str = "127.0.0.1", port: int = 8080) -> None:
         """At a free port from `port` on; 0: any. Raises `RobotError`, `FrameError`, `OSError`."""
-        prepared = _prepared(choice)
+        shown = prepared(choice)
         self._server = _serve(host, port)
         self._told: tuple[str, float] = "", 0.0
         self._ticks = 0
-        self._loop = Loop(prepared.session, self._show, self._failed)
-        self._present(prepared)
+        self._loop = Loop(shown.session, self._show, self._failed)
+        self._present(shown)
         self._loop.start()
 
     @property
@@ -82,7 +79,7 @@ class Viewer:
     def robot(self, robot: str, tip: str | None, client: viser.ClientHandle | None) -> None:
         """Show another robot: a name of the catalog, or a file."""
         with self.failures(client):
-            self._replace(_prepared(RobotChoice(robot=robot, tip=tip)))
+            self._replace(prepared(RobotChoice(robot=robot, tip=tip)))
 
     def tip(self, tip: str, client: viser.ClientHandle | None) -> None:
         """Show the same robot with another tip."""
@@ -97,7 +94,7 @@ class Viewer:
                 raise OptionError(f"a robot is a file of at most {LARGEST_UPLOAD >> 20} MB, {', '.join(UPLOADED)}")
             file = Path(directory) / f"uploaded{suffix}"
             file.write_bytes(content)
-            self._replace(_prepared(RobotChoice(robot=str(file), tip=tip), name, content))
+            self._replace(prepared(RobotChoice(robot=str(file), tip=tip), name, content))
 
     def path_file(self, path: str, degrees: bool, client: viser.ClientHandle | None) -> None:
         """Follow the path of a file; in a CSV file roll, pitch and yaw may be in degrees."""
@@ -130,27 +127,27 @@ class Viewer:
 
     # What the loop shows
 
-    def _replace(self, prepared: Prepared) -> None:
+    def _replace(self, shown: Prepared) -> None:
         def replace(_: Session) -> None:
-            self._loop.session = prepared.session
-            self._present(prepared)
+            self._loop.session = shown.session
+            self._present(shown)
 
         self._loop.mailbox.put("robot", replace)
 
-    def _present(self, prepared: Prepared) -> None:
+    def _present(self, shown: Prepared) -> None:
         """A scene and a panel for a session, in place of those of the last."""
-        self._prepared, session = prepared, prepared.session
+        self._prepared, session = shown, shown.session
         with self._server.atomic():
             self._server.scene.reset()
             self._server.gui.reset()
             self._scene = Scene(
                 self._server.scene,
                 session.robot,
-                prepared.geometry.bodies,
+                shown.geometry.bodies,
                 lambda T: self.session("target", lambda session: session.move_target(T)),
                 lambda name, T: self.session(name, lambda session: session.move_obstacle(name, T[:3, 3])),
             )
-            self._panel = Panel(self._server.gui, session, prepared.loaded, self)
+            self._panel = Panel(self._server.gui, session, shown.loaded, self)
             self._server.gui.set_panel_label(f"maira_qp: {session.robot.name} ({session.robot.tip})")
             frame_camera(self._server.initial_camera, session.robot)
 
@@ -171,46 +168,6 @@ class Viewer:
         self._told = text, now
         for client in self._server.get_clients().values():
             client.add_notification("This does not work", text, color="red", auto_close_seconds=12)
-
-
-class Prepared(NamedTuple):
-    """A robot that is ready to be shown."""
-
-    session: Session
-    geometry: Geometry
-    choice: RobotChoice
-    loaded: Loaded
-    content: bytes | None
-    """Of a file that was uploaded"""
-
-    def with_tip(self, tip: str) -> Prepared:
-        """The same robot with another tip. Raises `MairaError`, `OSError`."""
-        choice = replace(self.choice, tip=tip)
-        if self.content is None:
-            return _prepared(choice)
-        with tempfile.TemporaryDirectory() as directory:
-            file = Path(directory) / Path(choice.robot).name
-            file.write_bytes(self.content)
-            return _prepared(replace(choice, robot=str(file)), self.loaded.name, self.content)
-
-
-def _prepared(choice: RobotChoice, name: str | None = None, content: bytes | None = None) -> Prepared:
-    """A session and what its robot looks like; meshes are sought beside the robot's file and in the folders above."""
-    file = Path(choice.robot)
-    directories = [str(folder) for folder in file.resolve().parents] if file.is_file() else []
-    is_urdf = bool(directories) and file.suffix.lower() in (".urdf", ".xml")
-    try:
-        robot = choice.load()
-    except FrameError:
-        tips = tips_in(file) if choice.tip is None and is_urdf else ()
-        if not tips:
-            raise
-        robot = replace(choice, tip=tips[0]).load()  # of several ends; the panel names it, and lists the others
-    tips = tips_in(file) if is_urdf else tuple(reversed(robot.moved_links))
-    geometry = geometry_of(robot, directories)
-    shown = robot.tip, *(tip for tip in tips if tip != robot.tip)
-    loaded = Loaded(name or (file.name if directories else choice.robot), shown, geometry.notes)
-    return Prepared(Session(robot, directories), geometry, choice, loaded, content)
 
 
 def _serve(host: str, port: int) -> viser.ViserServer:

@@ -18,12 +18,12 @@ import pinocchio as pin
 
 from maira_qp.apps.viewer.answers import Fitted, Ghosts, Job, Verdict, explained, fitted, ghosts_of, verdict_on
 from maira_qp.apps.viewer.drawing.surroundings import Clearance, clearances, first_in_the_way, too_near
-from maira_qp.apps.viewer.elbow import Elbow, elbow_finder
-from maira_qp.apps.viewer.motions import Along, Go, Motion, Replay, Swivel
+from maira_qp.apps.viewer.motion.elbow import Elbow, elbow_finder
+from maira_qp.apps.viewer.motion.motions import Along, Go, Motion, Replay, Swivel
+from maira_qp.apps.viewer.motion.recording import Recording
 from maira_qp.apps.viewer.paths.followed import Followed, Station
 from maira_qp.apps.viewer.paths.pursuit import Pursuit
 from maira_qp.apps.viewer.paths.route import Route
-from maira_qp.apps.viewer.recording import Recording
 from maira_qp.apps.viewer.start import bent_configuration
 from maira_qp.apps.viewer.view import Standing, View, limits_at
 from maira_qp.errors import OptionError

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from maira_qp.apps.viewer.answers import Ghosts, Verdict
 from maira_qp.apps.viewer.drawing.surroundings import Clearance
-from maira_qp.apps.viewer.elbow import Elbow
+from maira_qp.apps.viewer.motion.elbow import Elbow
 from maira_qp.apps.viewer.paths.followed import PathView
 from maira_qp.problem.problem import ACTIVE_WITHIN
 from maira_qp.robots.model.robot import Robot

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import maira_qp as mq
-from maira_qp.apps.viewer import readout
 from maira_qp.apps.viewer.drawing.path import MOST_SEGMENTS, segments, thinned
 from maira_qp.apps.viewer.drawing.surroundings import MARGIN
+from maira_qp.apps.viewer.panel import readout
 from maira_qp.apps.viewer.paths import words
 from maira_qp.apps.viewer.paths.route import MOST_CORNERS, MOST_POSES, Route
 from maira_qp.apps.viewer.saving import save

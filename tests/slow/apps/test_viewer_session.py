@@ -9,11 +9,11 @@ import pytest
 
 import maira_qp as mq
 from maira_qp.analytic.srs.geometry import SRS
-from maira_qp.apps.viewer import readout
 from maira_qp.apps.viewer.answers import ghosts_of
 from maira_qp.apps.viewer.drawing.surroundings import MARGIN, first_in_the_way
-from maira_qp.apps.viewer.elbow import elbow_of
-from maira_qp.apps.viewer.recording import Recording
+from maira_qp.apps.viewer.motion.elbow import elbow_of
+from maira_qp.apps.viewer.motion.recording import Recording
+from maira_qp.apps.viewer.panel import readout
 from maira_qp.apps.viewer.saving import save
 from maira_qp.apps.viewer.session import FARTHEST, Session
 from maira_qp.apps.viewer.start import bent_configuration

@@ -6,8 +6,8 @@ from support.robots import load
 
 import maira_qp as mq
 from maira_qp.analytic.srs.geometry import SRS
-from maira_qp.apps.viewer.elbow import elbow_of
-from maira_qp.apps.viewer.self_motion import LONGEST, is_redundant, self_motion
+from maira_qp.apps.viewer.motion.elbow import elbow_of
+from maira_qp.apps.viewer.motion.self_motion import LONGEST, is_redundant, self_motion
 
 ROBOTS = {name: load(name) for name in ("panda", "xarm7", "tiago")}
 

@@ -13,7 +13,7 @@ from maira_qp.apps.viewer.drawing.geometry import Body, Colour
 from maira_qp.apps.viewer.drawing.path import PathDrawing
 from maira_qp.apps.viewer.drawing.surroundings import MARGIN
 from maira_qp.apps.viewer.drawing.triangles import triangles
-from maira_qp.apps.viewer.recording import Recording
+from maira_qp.apps.viewer.motion.recording import Recording
 from maira_qp.apps.viewer.view import View
 from maira_qp.orientation import matrix_from_quaternion, quaternion_from_matrix
 from maira_qp.robots.collision.shapes import Shape

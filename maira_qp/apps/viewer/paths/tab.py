@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import viser
 
-from maira_qp.apps.viewer import readout
-from maira_qp.apps.viewer.controls import Ask, Slider, add_saving
+from maira_qp.apps.viewer.panel import readout
+from maira_qp.apps.viewer.panel.controls import Ask, Slider, add_saving
 from maira_qp.apps.viewer.paths.followed import Followed
 from maira_qp.apps.viewer.paths.route import LEAST_SPACING, Route
 from maira_qp.apps.viewer.session import FARTHEST, Session

@@ -10,9 +10,9 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from maira_qp.apps.viewer.elbow import Elbow
+from maira_qp.apps.viewer.motion.elbow import Elbow
+from maira_qp.apps.viewer.motion.recording import Recording
 from maira_qp.apps.viewer.paths.followed import Followed, Station
-from maira_qp.apps.viewer.recording import Recording
 from maira_qp.errors import OptionError, shown
 from maira_qp.robots.model.robot import Robot
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from maira_qp.analytic.srs.arcs import Arc, arcs
 from maira_qp.analytic.srs.geometry import BRANCHES, SRS, Branch, rotations, wrapped
-from maira_qp.apps.viewer.self_motion import SelfMotion, is_redundant, self_motion
+from maira_qp.apps.viewer.motion.self_motion import SelfMotion, is_redundant, self_motion
 from maira_qp.robots.model.robot import Robot
 
 ON_ARC = 1e-6

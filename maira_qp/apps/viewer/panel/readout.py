@@ -9,9 +9,9 @@ import numpy as np
 
 from maira_qp.apps.viewer.answers import Verdict
 from maira_qp.apps.viewer.drawing.surroundings import MARGIN, Clearance
-from maira_qp.apps.viewer.elbow import Elbow
+from maira_qp.apps.viewer.motion.elbow import Elbow
+from maira_qp.apps.viewer.motion.recording import Recording
 from maira_qp.apps.viewer.paths import words
-from maira_qp.apps.viewer.recording import Recording
 from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.view import Standing, View, limits_at
 from maira_qp.results.status import Status
