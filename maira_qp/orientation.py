@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from maira_qp.arrays import real_array
+from maira_qp.arrays import is_listing, real_array
 from maira_qp.errors import PoseError
 
 ORTHONORMAL_WITHIN = 1e-5
@@ -185,6 +185,19 @@ def rigid(matrix: Any, name: str, *, project: bool = False) -> np.ndarray:
     if not np.array_equal(T[3], (0.0, 0.0, 0.0, 1.0)):
         raise PoseError(f"the last row of the {name} must be [0, 0, 0, 1], got {T[3].tolist()}")
     T[:3, :3] = exact_rotation(T[:3, :3], name, project=project)
+    return T
+
+
+def rigid_or_point(value: Any, name: str) -> np.ndarray:
+    """`rigid` of a `pin.SE3` or (4, 4); of a point (3,) [m] the pose (4, 4) there, turned by nothing.
+
+    Raises `PoseError`.
+    """
+    value = getattr(value, "homogeneous", value)
+    if not (is_listing(value) and hasattr(value, "__len__") and len(value) and not any(map(is_listing, value))):
+        return rigid(value, name)
+    T = np.eye(4)
+    T[:3, 3] = real_array(value, (3,), name, PoseError, wanted=f"{A_POSE}, or a point (3,)")
     return T
 
 

@@ -19,7 +19,7 @@ def posed(value: Any, pose_of: Callable[[Any], np.ndarray]) -> Any:
     """A pose, or a sequence of them, whose vectors (3,) are made poses (4, 4); what is neither goes through."""
     if isinstance(value, pin.SE3) or not is_listing(value) or not hasattr(value, "__len__") or not len(value):
         return value
-    if isinstance(value, np.ndarray) and value.ndim > 2:
+    if isinstance(value, np.ndarray) and (value.ndim > 2 or value.shape == (4, 4)):
         return value
     flat = [not (is_listing(each) or isinstance(each, pin.SE3)) for each in value]
     if all(flat):

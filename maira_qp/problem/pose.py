@@ -17,6 +17,7 @@ from maira_qp.orientation import (
     exact_rotation,
     matrix_from_quaternion,
     rigid,
+    rigid_or_point,
     rounding_of,
 )
 from maira_qp.robots.unit_hints import degrees_hint_of_angles
@@ -105,10 +106,10 @@ def as_pose(target: Any, name: str = "target", *, project: bool = False) -> pin.
 
 
 def as_place(value: Any, name: str) -> pin.SE3:
-    """`as_pose` for where a body is: at once if the rotation is one to `PLACE_WITHIN`. Raises `PoseError`."""
+    """Where a body is, a pose or a point (3,): at once if the rotation is one to `PLACE_WITHIN`. Raises `PoseError`."""
     T = np.ascontiguousarray(value.homogeneous) if isinstance(value, pin.SE3) else value
     if not is_native(T, (4, 4)):
-        return as_pose(value, name)
+        return as_pose(rigid_or_point(value, name), name)
     (a, b, c, x), (d, e, f, y), (g, h, i, z), last = T.tolist()
     lengths = abs(a * a + b * b + c * c - 1), abs(d * d + e * e + f * f - 1), abs(g * g + h * h + i * i - 1)
     angles = abs(a * d + b * e + c * f), abs(a * g + b * h + c * i), abs(d * g + e * h + f * i)

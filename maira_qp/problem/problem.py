@@ -24,6 +24,7 @@ from maira_qp.problem.options import Options
 from maira_qp.problem.qp.costs import LevelObjective, TaskCost, tasks_toward
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.targets import Poses, Targets, checked_starts, checked_target, checked_targets
+from maira_qp.problem.tasks.frame import FrameTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.joint_values import joint_array
@@ -159,6 +160,11 @@ class Problem:
         return {
             key: parts[0] for key, parts in of_keys.items() if len(parts) == 1 and parts[0].datum in (POINT, DIRECTION)
         }
+
+    @cached_property
+    def aims(self) -> dict[str, Any]:
+        """Of the takers those whose frame points at what they take, or along it, and does not follow it."""
+        return {key: part for key, part in self.takers.items() if not isinstance(part, FrameTask)}
 
     def with_values(self, values: Mapping[str, Any], weights: Mapping[str, Any] | None = None) -> Problem:
         """The problem of a call: some parts with other data, and with their weights times factors; 0: switched off.
@@ -358,22 +364,36 @@ class Problem:
             if value >= high - ACTIVE_WITHIN:
                 names.append(self._end(i, "upper"))
         at = robot.at(q)
-        return names + [name for limit in self.limits for name in limit.active(at)]
+        return names + [self.numbered(limit, name) for limit in self.limits for name in limit.active(at)]
 
     def _end(self, joint: int, end: str) -> str:
         """What holds a joint at an end of its range: such as "joint4 upper", or "joint4 max_joint_change"."""
         of_box = self.box is not None and self.box.holds_at_end(joint, end, self.robot)
         return f"{self.robot.joint_names[joint]} {'max_joint_change' if of_box else end}"
 
+    def numbered(self, limit: Limit, name: str) -> str:
+        """What a limit, or a row of it, of that name is called: with its number where others of its kind have no name
+        either, such as "LinearLimit 2 row 1"."""
+        kind = _kind(limit)
+        if not name.startswith(kind):
+            return name
+        alike = [other for other in self.additional_limits if _kind(other) == kind]
+        if len(alike) < 2:
+            return name
+        return f"{kind} {1 + next(i for i, other in enumerate(alike) if other is limit)}{name.removeprefix(kind)}"
+
     def limit_violations(self, at: Configuration) -> dict[str, float]:
         """By how much a configuration breaks the additional limits, by name, the worst first."""
         found: dict[str, float] = {}
-        kinds = [limit.name or type(limit).__name__ for limit in self.additional_limits]
-        for i, (limit, kind) in enumerate(zip(self.additional_limits, kinds, strict=True)):
-            name = kind if kinds.count(kind) == 1 else f"{kind} {kinds[: i + 1].count(kind)}"
-            for part, amount in limit.broken(at, name).items():
+        for limit in self.additional_limits:
+            for part, amount in limit.broken(at, self.numbered(limit, _kind(limit))).items():
                 found[part] = max(amount, found.get(part, 0.0))
         return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def _kind(limit: Limit) -> str:
+    """What a limit is called where there is no other of its kind: by its name, or by its class."""
+    return limit.name or type(limit).__name__
 
 
 def _check_type(value: Any, types: Any, name: str, example: str) -> None:

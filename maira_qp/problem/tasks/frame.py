@@ -22,8 +22,9 @@ import pinocchio as pin
 
 from maira_qp.errors import OptionError, shown
 from maira_qp.orientation import orientation_error, skew
+from maira_qp.problem.aims import at_point, posed
 from maira_qp.problem.limits.placement import as_offset
-from maira_qp.problem.naming import POSE
+from maira_qp.problem.naming import POINT, POSE
 from maira_qp.problem.pose import as_pose
 from maira_qp.problem.tasks.task import Task, checked_weights
 from maira_qp.robots.model.configuration import Configuration
@@ -320,10 +321,31 @@ class PoseTask(FrameTask):
 
 @dataclass(frozen=True, kw_only=True)
 class PositionTask(FrameTask):
-    """Position of a frame alone; its orientation is free (three rows, fewer where single weights are 0)."""
+    """Position of a frame alone; its orientation is free (three rows, fewer where single weights are 0).
+
+    Its target is a point (3,) [m], or a pose of which the origin counts.
+    """
 
     position_weight: Any = None
     """What an error of 1 m counts [rad/m], > 0, or (3,) one an axis, 0: free; None: 4 rad for the arm's length."""
+
+    def __post_init__(self) -> None:
+        if self.target is not None:
+            object.__setattr__(self, "target", as_offset(self.target, "target"))
+        super().__post_init__()
+
+    @property
+    def datum(self) -> str:
+        """Its target: a point, or a pose, of which the origin counts."""
+        return POINT
+
+    def with_value(self, value: Any) -> TargetTask:
+        """The same task with another target, a point (3,) or a pose. Raises `PoseError`."""
+        return self._aimed(target=as_offset(value, f"target of {self.key!r}"))
+
+    def target_of(self, value: Any) -> Any:
+        """The `value` of a call as a pose: a pose, or a point (3,). Raises `PoseError`."""
+        return posed(value, lambda point: at_point(point, f"target of {self.key!r}"))
 
     def six_weights(self) -> np.ndarray:
         """Weights (6,)."""

@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from maira_qp.arrays import is_listing, real_array
 from maira_qp.errors import OptionError, shown
-from maira_qp.orientation import rigid
+from maira_qp.orientation import rigid_or_point
 from maira_qp.robots.collision.meshes import convex_hull, convex_solid, find_mesh, mesh_points
 
 
@@ -32,8 +32,7 @@ class Shape(ABC):
         if not isinstance(self.name, str):
             raise OptionError(f"name of a {kind} must be text, not {shown(self.name)}")
         object.__setattr__(self, "has_own_pose", self.pose is not None)
-        T = self.pose.homogeneous if isinstance(self.pose, pin.SE3) else np.eye(4) if self.pose is None else self.pose
-        T = rigid(T, f"pose of a {kind}")
+        T = np.eye(4) if self.pose is None else rigid_or_point(self.pose, f"pose of a {kind}")
         object.__setattr__(self, "pose", pin.SE3(T[:3, :3].copy(), T[:3, 3].copy()))
         for size, shape in sizes.items():
             value = real_array(getattr(self, size), shape, f"{size} of a {kind}", OptionError)
@@ -57,7 +56,7 @@ class Sphere(Shape):
     radius: float
     """[m]; > 0"""
     pose: Any = None
-    """Pose in the base, `pin.SE3` or (4, 4); None: at the origin."""
+    """Pose in the base, `pin.SE3` or (4, 4), or a point (3,) [m]; None: at the origin."""
     name: str = field(default="", kw_only=True)
 
     def __post_init__(self) -> None:
@@ -75,7 +74,7 @@ class Box(Shape):
     size: Any
     """Lengths of its edges (3,) [m]; > 0"""
     pose: Any = None
-    """Pose of its middle in the base, `pin.SE3` or (4, 4); None: at the origin."""
+    """Pose of its middle in the base, `pin.SE3` or (4, 4), or a point (3,) [m]; None: at the origin."""
     name: str = field(default="", kw_only=True)
 
     def __post_init__(self) -> None:
@@ -95,7 +94,7 @@ class Capsule(Shape):
     length: float
     """Of the line [m], the round ends not counted; > 0"""
     pose: Any = None
-    """Pose of its middle in the base, `pin.SE3` or (4, 4); None: at the origin."""
+    """Pose of its middle in the base, `pin.SE3` or (4, 4), or a point (3,) [m]; None: at the origin."""
     name: str = field(default="", kw_only=True)
 
     def __post_init__(self) -> None:
@@ -115,7 +114,7 @@ class Cylinder(Shape):
     length: float
     """[m]; > 0"""
     pose: Any = None
-    """Pose of its middle in the base, `pin.SE3` or (4, 4); None: at the origin."""
+    """Pose of its middle in the base, `pin.SE3` or (4, 4), or a point (3,) [m]; None: at the origin."""
     name: str = field(default="", kw_only=True)
 
     def __post_init__(self) -> None:
@@ -136,7 +135,7 @@ class Mesh(Shape):
     source: Any
     """A file (STL, OBJ, DAE, ...), or vertices (k, 3) [m] and faces (m, 3), three indices of vertices each."""
     pose: Any = None
-    """Pose of its origin in the base, `pin.SE3` or (4, 4); None: at the origin."""
+    """Pose of its origin in the base, `pin.SE3` or (4, 4), or a point (3,) [m]; None: at the origin."""
     scale: Any = 1.0
     """Factor of the vertices, one or (3,); not 0. Negative: mirrored."""
     name: str = field(default="", kw_only=True)

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from maira_qp.arrays import real_array
 from maira_qp.errors import FrameError, OptionError, listed, shown
-from maira_qp.orientation import rigid
+from maira_qp.orientation import rigid_or_point
 from maira_qp.robots.model.joint_values import check_joints
 from maira_qp.robots.model.reduced import UNIVERSE, Reduced, frames_of, locked
 from maira_qp.robots.urdf.joint import fixed_at, joint_of
@@ -171,8 +171,8 @@ def words(numbers: Iterable[float]) -> str:
 
 
 def placement(value: Any, name: str) -> pin.SE3:
-    """A pose from a caller, `pin.SE3` or (4, 4). Raises `PoseError`."""
-    T = rigid(value.homogeneous if isinstance(value, pin.SE3) else value, name)
+    """A pose from a caller, `pin.SE3` or (4, 4), or a point (3,). Raises `PoseError`."""
+    T = rigid_or_point(value, name)
     return pin.SE3(T[:3, :3].copy(), T[:3, 3].copy())
 
 

@@ -466,7 +466,7 @@ class Robot(Shown):
         the viewer the tool is a link that is fixed to the old tip.
 
         Args:
-            tool: T_tip_tool [m], `pin.SE3` or (4, 4); of several tips {tip: T}, which leaves others as they are.
+            tool: T_tip_tool [m], `pin.SE3` or (4, 4), or a point (3,); of several {tip: T}, others stay as they are.
             name: of the new frame; for a mapping of several {tip: name}, without which they are `<tip>_tool`.
 
         Raises `PoseError`; `FrameError` for what is no tip, and for a name that a link has.

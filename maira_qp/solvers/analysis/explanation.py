@@ -68,7 +68,11 @@ def explain(solution: Solution, poses: Poses, context: Context, resolve: Resolve
     gone = tuple(
         limit
         for limit in context.further
-        if (touching if isinstance(limit, CollisionLimit) else any(name in costly for name, _ in limit.standing(at)[0]))
+        if (
+            touching
+            if isinstance(limit, CollisionLimit)
+            else any(name in costly for name, _ in _rows(problem, limit, at)[0])
+        )
     )
     blocked, free, alone = np.zeros(6), None, {}
     if not solution.success and (blocking or gone or solution.status is not Status.UNREACHABLE):
@@ -158,7 +162,8 @@ def _standing(
     """
     at = context.robot.at(solution.q)
     touching = [limit.touching(at) for limit in context.further if isinstance(limit, CollisionLimit)]
-    standing = [limit.standing(at) for limit in context.further if not isinstance(limit, CollisionLimit)]
+    further = [limit for limit in context.further if not isinstance(limit, CollisionLimit)]
+    standing = [_rows(context.problem, limit, at) for limit in further]
     near = [pair for pairs, _ in touching for pair in pairs]
     named = [row for rows, _ in standing for row in rows]
     if not near and not named:
@@ -174,6 +179,12 @@ def _standing(
     rows = [ActiveRow(name, costs[name], unit) for name, unit in dict(named).items()]
     by_cost = lambda one: -one.multiplier  # noqa: E731
     return tuple(sorted(pairs, key=by_cost)), tuple(sorted(rows, key=by_cost)), force - held @ gradients
+
+
+def _rows(problem: Problem, limit: Limit, at: Configuration) -> tuple[list[tuple[str, str]], np.ndarray]:
+    """`Limit.standing`, its rows called as the problem calls them."""
+    rows, gradients = limit.standing(at)
+    return [(problem.numbered(limit, name), unit) for name, unit in rows], gradients
 
 
 def _multipliers(

@@ -150,7 +150,7 @@ def _of_tip(problem: Problem, targets: Targets) -> PoseTask | None:
 def _on_pieces(srs: SRS, task: PoseTask, context: Context, objective: Objective) -> Solutions:
     """The best of each piece of an arc of an S-R-S arm that keeps the further limits."""
     robot = context.robot
-    ranked = best_of_each_piece(srs, task.target, objective, lambda q: not context.broken(robot.at(q)))
+    ranked = best_of_each_piece(srs, task.target, objective, lambda q: context.is_within(robot.at(q)))
     items = [_listed(task, objective, robot, one.q, one.arc, one.psi) for one in ranked]
     kept = [one for one in items if context.problem.is_reached(one.position_error, one.orientation_error)]
     ranking = tuple(sorted(kept, key=lambda one: one.cost))
@@ -297,7 +297,7 @@ class Enumeration:
             q, all_of_them = self.turns.all_within(q, self.most)
             reason = reason or ("" if all_of_them else TOO_MANY_TURNS)
             if self.context.further:
-                q = np.reshape([each for each in q if not self.context.broken(robot.at(each))], (-1, robot.n))
+                q = np.reshape([each for each in q if self.context.is_within(robot.at(each))], (-1, robot.n))
         listed = [_listed(self.task, self.objective, robot, each) for each in q]
         ranked = tuple(sorted(listed, key=lambda one: one.cost))
         return Solutions(ranked, method, not reason, starts, starts_without_new, reason)

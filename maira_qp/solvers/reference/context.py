@@ -183,6 +183,10 @@ class Context:
         is_kept = violation <= KEPT and not (h < -KEPT).any()
         return 0.0 if is_kept else max(_half_squares(h), 0.5 * violation**2)
 
+    def is_within(self, at: Configuration) -> bool:
+        """Whether all further limits are kept, without the tolerance for rounding that `broken` has."""
+        return not self.further or (self.violation(at) <= 0.0 and not (self.rows(at)[1] < 0.0).any())
+
     def keeps(self, trial: Configuration, at: Configuration) -> bool:
         """A trial breaks no bent limit more than a configuration did."""
         return not self.is_bent or self.violation(trial) <= self.violation(at)

@@ -55,7 +55,7 @@ class HandMap:
     @cached_property
     def keys(self) -> tuple[str, ...]:
         """The K keys of the targets that frames follow; what an axis points at or along is none."""
-        return tuple(key for key in self.problem.target_keys if key not in self.problem.takers)
+        return tuple(key for key in self.problem.target_keys if key not in self.problem.aims)
 
     def sorted_out(self, target: Any) -> tuple[Any, dict[str, Any]]:
         """The poses that frames follow out of a target, None for none, and other data. Raises `MairaError`."""
@@ -64,8 +64,9 @@ class HandMap:
             return target, {}
         poses, values = problem.split(target)
         if not isinstance(target, Mapping):
-            return (None, {problem.target_keys[0]: poses}) if len(problem.target_keys) == 1 else (target, {})
-        aims = {key: value for key, value in poses.items() if key in problem.takers}
+            is_aim = len(problem.target_keys) == 1 and bool(problem.aims)
+            return (None, {problem.target_keys[0]: poses}) if is_aim else (poses, {})
+        aims = {key: value for key, value in poses.items() if key in problem.aims}
         return {key: value for key, value in poses.items() if key not in aims} or None, {**values, **aims}
 
     def anywhere(self) -> Hands:

@@ -297,7 +297,7 @@ class Tracker(Shown):
         """A step toward targets, and with other data of the solver's tasks."""
         target = None if hands.goals is None else self._by_key(hands.goals)
         q, velocity, asked = self._q, self._velocity, target
-        if values or self._map.problem.takers:
+        if values or self._map.problem.aims:
             poses = () if hands.goals is None else zip(self._keys, hands.goals, strict=True)
             asked = {**dict(poses), **values}
         step = self._solver.step(q, asked, dt, velocity=velocity, obstacles=self._obstacles)
