@@ -10,6 +10,7 @@ solution = solver.solve(mq.pose([0.4, 0.2, 0.9], quaternion=[1, 0, 0, 0]))
 """
 
 from maira_qp import errors, paths, scale
+from maira_qp.field_docs import show_fields as _show_fields
 from maira_qp.io.save import save
 from maira_qp.orientation import pose_error
 from maira_qp.problem.limits.collision import CollisionLimit
@@ -113,3 +114,5 @@ __all__ = [
     "save",
     "scale",
 ]
+
+_show_fields([globals()[name] for name in __all__])

@@ -132,7 +132,7 @@ def backends() -> Iterator[Finding]:
         except BackendError as reason:
             yield Finding("backends", name, failed, str(reason), f"pip install --upgrade {package}")
             continue
-        told = f"off by {error:.0e} on a QP"
+        told = f"solves a small QP, with an error of {error:.0e}"
         if error < SOLVED:
             yield Finding("backends", name, State.WELL, told)
         else:
@@ -201,8 +201,8 @@ def self_check() -> Iterator[Finding]:
     position = float(np.linalg.norm(reached[:3, 3] - target[:3, 3]))
     orientation = angle_between(reached[:3, :3], target[:3, :3])
     inside = bool(((robot.lower <= s.q) & (s.q <= robot.upper)).all())
-    told = f"MAIRA, {s.backend}: {s.status.name}, off by {position:.0e} m, {orientation:.0e} rad"
-    told += ", inside its limits" if inside else ", OUTSIDE its limits"
+    told = f"one pose for MAIRA, {s.backend}: {s.status.name}, position error {position:.0e} m, "
+    told += f"orientation error {orientation:.0e} rad, {'inside' if inside else 'OUTSIDE'} the joint limits"
     if s.success and inside and max(position, orientation) <= AT_POSE:
         yield Finding("engine", "self-check", State.WELL, told)
     else:

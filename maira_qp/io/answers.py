@@ -17,6 +17,7 @@ from maira_qp.io.npz_table import NpzTable, write_npz
 from maira_qp.io.parquet_table import write_parquet
 from maira_qp.io.poses import check_format
 from maira_qp.io.table import Table
+from maira_qp.results.answer import unknown_errors
 from maira_qp.results.batch import BatchSolution
 from maira_qp.results.status import Status
 
@@ -25,8 +26,6 @@ STAYING = ("left_q0", "max_joint_change")
 COLUMNS = ("success", "status", *NUMBERS, *STAYING, "active_limits")
 REMARKS = ("optimal", "start_projected")
 """Fields of a batch that are summed up and not written."""
-STATUS_NAMES = np.full(max(Status) + 1, None, dtype=object)
-STATUS_NAMES[list(Status)] = [status.name for status in Status]
 
 
 def columns(batches: Iterable[BatchSolution]) -> dict[str, np.ndarray]:
@@ -38,8 +37,9 @@ def columns(batches: Iterable[BatchSolution]) -> dict[str, np.ndarray]:
 def _columns(batch: BatchSolution) -> dict[str, np.ndarray]:
     limits = np.empty(len(batch), dtype=object)
     limits[:] = [sys.intern(";".join(each)) for each in batch.active_limits]  # a few texts, many times
-    found = {"success": batch.success, "status": STATUS_NAMES[batch.status]}
+    found = {"success": batch.success, "status": batch.status_names.astype(object)}
     fields = {name: getattr(batch, name) for name in (*NUMBERS, *STAYING, *REMARKS)}
+    fields |= {name: np.full(len(batch), np.nan) for name in unknown_errors(batch.left_free)}
     return found | fields | {"active_limits": limits, "q": batch.q}
 
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from maira_qp.arrays import is_listing, real_array
 from maira_qp.errors import PoseError
-from maira_qp.orientation import rotation_between
+from maira_qp.orientation import rigid_or_point, rotation_between
 from maira_qp.problem.pose import unit_vector
 from maira_qp.problem.targets import is_pose
 
@@ -34,6 +34,11 @@ def at_point(value: Any, name: str) -> np.ndarray:
     T = np.eye(4)
     T[:3, 3] = real_array(value, (3,), name, PoseError, finite=None, wanted="a pose, or a point (3,)")
     return T
+
+
+def as_point(value: Any, name: str) -> pin.SE3:
+    """A pose, or a point (3,) [m] as the pose there. Raises `PoseError`."""
+    return pin.SE3(rigid_or_point(value, name))
 
 
 def along(value: Any, axis: np.ndarray, name: str) -> np.ndarray:

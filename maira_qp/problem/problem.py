@@ -350,6 +350,13 @@ class Problem:
             below = Strict(*levels)
         return in_tick(cost), below
 
+    @cached_property
+    def left_free(self) -> tuple[str, ...]:
+        """Which of "position" and "orientation" no task of the first level measures an error of."""
+        measured = [task.measures for task in self.tasks]
+        both = zip(("position", "orientation"), zip(*measured, strict=True), strict=True)
+        return tuple(name for name, each in both if not any(each)) if measured else ()
+
     def is_reached(self, position: Any, orientation: Any) -> Any:
         """Whether errors [m] and [rad], numbers or arrays, are within the tolerances."""
         options = self.options

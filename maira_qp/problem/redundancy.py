@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from maira_qp.arrays import is_number
 from maira_qp.errors import OptionError, shown
 from maira_qp.problem.objectives import Objective, check_objective
 from maira_qp.robots.model.robot import Robot
+
+if TYPE_CHECKING:
+    from typing import Self  # not in Python 3.10
 
 FADING = 0.1
 """Gradient of the pose's cost, the weighted error in rad, below which a weight that fades does so."""
@@ -24,7 +27,42 @@ def trades_off(redundancy: Any) -> TypeGuard[Weighted]:
 
 
 @dataclass(frozen=True)
-class Weighted:
+class WeightedObjective:
+    """What a frozen class with an `objective` and its `weight` shares: to calls it is the objective."""
+
+    objective: Objective
+    weight: float
+
+    def of(self, robot: Robot) -> Self:
+        """The same with its objective made for this robot."""
+        return replace(self, objective=self.objective.of(robot))
+
+    @property
+    def key(self) -> str:
+        """That of the objective."""
+        return self.objective.key
+
+    @property
+    def is_off(self) -> bool:
+        """The weight is 0."""
+        return self.weight == 0
+
+    @property
+    def datum(self) -> str:
+        """That of the objective."""
+        return self.objective.datum
+
+    def with_value(self, value: Any) -> Self:
+        """The same with another datum of the objective. Raises what that raises."""
+        return replace(self, objective=self.objective.with_value(value))
+
+    def scaled(self, factor: float) -> Self:
+        """The same with the weight times a factor > 0."""
+        return replace(self, weight=self.weight * factor)
+
+
+@dataclass(frozen=True)
+class Weighted(WeightedObjective):
     """Weighted sum of pose error and objective: minimise `1/2 |W e|^2 + weight * objective`.
 
     At its optimum a pose error of the order of the weight remains, and is reported.
@@ -46,10 +84,6 @@ class Weighted:
         check_objective(self.objective)
         if not (is_number(self.weight) and 0 <= self.weight < math.inf):
             raise OptionError(f"the weight of Weighted must be a number >= 0, got {shown(self.weight)}")
-
-    def of(self, robot: Robot) -> Weighted:
-        """Bind the objective to a robot."""
-        return replace(self, objective=self.objective.of(robot))
 
     @property
     def objectives(self) -> tuple[Objective]:
@@ -75,29 +109,6 @@ class Weighted:
     def name(self) -> str | None:
         """That of the objective."""
         return self.objective.name
-
-    @property
-    def key(self) -> str:
-        """That of the objective."""
-        return self.objective.key
-
-    @property
-    def is_off(self) -> bool:
-        """The weight is 0."""
-        return self.weight == 0
-
-    @property
-    def datum(self) -> str:
-        """That of the objective."""
-        return self.objective.datum
-
-    def with_value(self, value: Any) -> Weighted:
-        """The same with another datum of the objective. Raises what that raises."""
-        return replace(self, objective=self.objective.with_value(value))
-
-    def scaled(self, factor: float) -> Weighted:
-        """The same with the weight times a factor > 0."""
-        return replace(self, weight=self.weight * factor)
 
     @staticmethod
     def of_parts(parts: Sequence[Any]) -> Weighted | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -64,6 +65,11 @@ class OfProblem(Shown):
         values = self.q.tolist() if self.q.ndim == 1 else self.q.T
         return dict(zip(self.joint_names, values, strict=True))
 
+    @cached_property
+    def left_free(self) -> tuple[str, ...]:
+        """What the tasks of the first level leave free: "position", "orientation"; its error is 0 and says nothing"""
+        return () if self._origin is None else self._problem.left_free
+
     @property
     def _problem(self) -> Problem:
         return self._origin.problem  # type: ignore[union-attr]
@@ -106,11 +112,34 @@ class Answer(OfProblem):
 
     def as_dict(self) -> dict[str, Any]:
         """All values by their names, as `json.dumps` takes them: lists in place of arrays, the name of a status, and
-        None for a number that is not finite, such as the cost without redundancy."""
-        return {name: plain(getattr(self, name)) for name in (*VALUES, *OF_ROBOT)}
+        None for a number that is not finite, such as the cost without redundancy, and for the error of what is free."""
+        return {name: plain(getattr(self, name)) for name in (*VALUES, *OF_ROBOT)} | unknown_errors(self.left_free)
 
 
-OF_ROBOT = ("joint_names", "q_units", "condition_number", "active_limits", "broken_limits", "max_joint_change", "scope")
+def unknown_errors(left_free: Sequence[str]) -> dict[str, None]:
+    """None for the errors of what is left free."""
+    return {ERRORS[name]: None for name in left_free}
+
+
+def errors_in_words(position: float, orientation: float, left_free: Sequence[str]) -> str:
+    """Errors [m] and [rad], such as "2e-09 m, orientation free"."""
+    parts = {"position": f"{position:.3g} m", "orientation": f"{orientation:.3g} rad"}
+    return ", ".join(f"{name} free" if name in left_free else part for name, part in parts.items())
+
+
+OF_ROBOT = (
+    "joint_names",
+    "q_units",
+    "left_free",
+    "condition_number",
+    "active_limits",
+    "broken_limits",
+    "max_joint_change",
+    "scope",
+)
+
+ERRORS = {"position": "position_error", "orientation": "orientation_error"}
+"""The fields that say nothing where that is left free"""
 
 VALUES = (
     "q",

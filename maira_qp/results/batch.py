@@ -14,7 +14,7 @@ from maira_qp.display import Card
 from maira_qp.errors import MairaError
 from maira_qp.problem.problem import ACTIVE_WITHIN
 from maira_qp.problem.targets import Targets
-from maira_qp.results.answer import VALUES, Answer, Origin
+from maira_qp.results.answer import ERRORS, VALUES, Answer, Origin
 from maira_qp.results.solution import Solution
 from maira_qp.results.status import Status
 from maira_qp.robots.model.robot import condition_numbers
@@ -37,7 +37,7 @@ class BatchSolution(Answer):
     success: np.ndarray
     """(N,) of bool"""
     status: np.ndarray
-    """(N,) integer values of `Status`"""
+    """(N,) integer values of `Status`; `status_names` has their names"""
     position_error: np.ndarray
     """(N,) [m]"""
     orientation_error: np.ndarray
@@ -71,6 +71,12 @@ class BatchSolution(Answer):
 
     def __getstate__(self) -> dict[str, Any]:
         return {**super().__getstate__(), "_origins": None}
+
+    @property
+    def status_names(self) -> np.ndarray:
+        """(N,) of text: `status` by the names of `Status`, such as "CONVERGED" """
+        names = np.array([Status(value).name for value in range(max(Status) + 1)])
+        return names[self.status]
 
     @cached_property
     def max_joint_change(self) -> np.ndarray:
@@ -182,8 +188,8 @@ class BatchSolution(Answer):
             facts=(
                 ("status", ", ".join(f"{count} {name}" for name, count in counts.most_common())),
                 ("verdicts hold", self.scope),
-                ("position error [m]", _spread(self.position_error)),
-                ("orientation error [rad]", _spread(self.orientation_error)),
+                ("position error [m]", self._spread_of("position")),
+                ("orientation error [rad]", self._spread_of("orientation")),
                 ("iterations", _spread(self.iterations)),
                 ("solved by", self.backend),
                 ("joints", ", ".join(self.joint_names)),
@@ -192,6 +198,10 @@ class BatchSolution(Answer):
             headings=("", "status", "position error [m]", "orientation error [rad]", *self.joint_names),
             rows=[(str(i), *_row(one)) for i, one in enumerate(self[:SHOWN])],
         )
+
+    def _spread_of(self, part: str) -> str:
+        """That of the errors of position or orientation."""
+        return "free" if part in self.left_free else _spread(getattr(self, ERRORS[part]))
 
     @property
     def _hint(self) -> str:
@@ -261,7 +271,7 @@ def _checked_index(i: Any, count: int) -> int | np.ndarray:
 
 def _row(one: Solution) -> tuple[str, ...]:
     """An answer in a table of a batch."""
-    errors = f"{one.position_error:.3g}", f"{one.orientation_error:.3g}"
+    errors = ("free" if part in one.left_free else f"{getattr(one, name):.3g}" for part, name in ERRORS.items())
     return one.status.name, *errors, *(f"{value:.4f}" for value in one.q)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from maira_qp.display import Card, joint_entries
-from maira_qp.results.answer import OfProblem, Origin
+from maira_qp.results.answer import OfProblem, Origin, errors_in_words
 from maira_qp.results.status import TrackerState
 
 
@@ -34,7 +34,8 @@ class Command(OfProblem):
     _origin: Origin | None = field(default=None, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "joint_names": self.joint_names, "q_units": self.q_units, "_origin": None}
+        own = {name: getattr(self, name) for name in ("joint_names", "q_units", "left_free")}
+        return {**self.__dict__, **own, "_origin": None}
 
     def _card(self) -> Card:
         units = self.q_units
@@ -42,7 +43,8 @@ class Command(OfProblem):
         speeds = [f"{value:+.4f} {unit}/s" for value, unit in zip(self.velocity, units, strict=True)]
         both = [f"{number} {speed}" for number, speed in zip(numbers, speeds, strict=True)]
         is_followed = self.state != TrackerState.HOLDING
-        errors = f": {self.position_error:.3g} m and {self.orientation_error:.3g} rad off" if is_followed else ""
+        words = errors_in_words(self.position_error, self.orientation_error, self.left_free)
+        errors = f": error {words}" if is_followed else ""
         return Card(
             title=f"Command, {self.state}{errors}",
             facts=(("reason", self.reason),),

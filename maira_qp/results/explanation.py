@@ -111,6 +111,10 @@ class Explanation(Shown):
     """What looks like another unit than metres and radians, a sentence each"""
     broken: tuple[BrokenLimit, ...] = ()
     """What the answer breaks, the worst first: for `LIMITS_BROKEN`"""
+    position_alone: float | None = None
+    """What is left of the position error where the orientation is free [m]; None: that was not asked"""
+    is_stretched: bool = False
+    """Without regard to the orientation, the arm ends straight on its way to the target, which is farther away"""
     rows: tuple[ActiveRow, ...] = ()
     """The other limits that the answer stands on, the most costly first. What is said of a target without these limits
     is without the whole of a limit of which a row costs something."""
@@ -132,6 +136,8 @@ class Explanation(Shown):
             "starts_without": self.starts_without,
             "is_reached_within": self.is_reached_within,
             "is_compromise": self.is_compromise,
+            "position_alone": self.position_alone,
+            "is_stretched": self.is_stretched,
             "scope": self.scope,
             "hints": self.hints,
             "proof": None if self.proof is None else self.proof.words,
@@ -206,6 +212,14 @@ def _reasons(why: Explanation) -> Iterator[str]:
             cost = f", which costs {pair.multiplier:.3g} per m" if pair.multiplier > 0 else ""
             yield f"{_apart(pair)}{cost}."
         return
+    if why.position_alone is not None:
+        short = f"{_amount(why.position_alone, 'm')} short of it"
+        if why.is_stretched:
+            yield f"The arm is stretched out toward the target: in any orientation the tool ends {short}."
+        elif why.position_alone > 0:
+            yield f"In any orientation the tool ends {short}."
+        else:
+            yield "In another orientation the tool reaches the position."
     if why.is_reached_within:
         yield "From another start the target is reached within the limits."
     if not why.blocking:

@@ -11,7 +11,7 @@ import numpy as np
 from maira_qp.arrays import plain
 from maira_qp.display import Card
 from maira_qp.errors import OptionError
-from maira_qp.results.answer import OfProblem, Origin
+from maira_qp.results.answer import OfProblem, Origin, unknown_errors
 from maira_qp.results.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -190,10 +190,11 @@ class PathSolution(OfProblem):
 
     def as_dict(self) -> dict[str, Any]:
         """All values by their names, as `json.dumps` takes them."""
-        return {"joint_names": list(self.joint_names), **{name: plain(getattr(self, name)) for name in OWN}}
+        own = {name: plain(getattr(self, name)) for name in OWN}
+        return {"joint_names": list(self.joint_names), **own} | unknown_errors(self.left_free)
 
     def __getstate__(self) -> dict[str, Any]:
-        own = {"joint_names": self.joint_names, "q_units": self.q_units}
+        own = {name: getattr(self, name) for name in ("joint_names", "q_units", "left_free")}
         return {**self.__dict__, **own, "_origin": None}
 
     def _card(self) -> Card:

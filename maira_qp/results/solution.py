@@ -11,7 +11,7 @@ import numpy as np
 
 from maira_qp.display import Card, joint_entries
 from maira_qp.errors import OptionError, SensitivityError
-from maira_qp.results.answer import Answer, Origin
+from maira_qp.results.answer import Answer, Origin, errors_in_words
 from maira_qp.results.status import Status
 from maira_qp.robots.unit_hints import degrees_hint, millimetres_hint
 
@@ -33,9 +33,9 @@ class Solution(Answer):
     """The pose error of `q` is within the tolerances, by a fresh forward kinematics."""
     status: Status
     position_error: float
-    """|p_d - p| [m]"""
+    """|p_d - p| [m]; 0 where the tasks leave the position free, see `left_free`"""
     orientation_error: float
-    """Angle between the orientations [rad]"""
+    """Angle between the orientations [rad]; 0 where the tasks leave the orientation free, see `left_free`"""
     iterations: int
     """Iterations (QPs solved), summed over all starts"""
     restarts: int
@@ -74,7 +74,7 @@ class Solution(Answer):
         return Card(
             title=f"Solution: {self.status.name}, {self.status.meaning}{f', {self.scope}' if self.scope else ''}",
             facts=(
-                ("error", f"{self.position_error:.3g} m, {self.orientation_error:.3g} rad"),
+                ("error", errors_in_words(self.position_error, self.orientation_error, self.left_free)),
                 ("effort", f"{self.iterations} iterations, {self.restarts} restarts, {self.backend}"),
                 ("condition number", f"{self.condition_number:.4g}"),
                 ("cost", f"{self.cost:.6g}{'' if self.optimal else ', not optimal'}" if np.isfinite(self.cost) else ""),

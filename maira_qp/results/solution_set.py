@@ -11,6 +11,7 @@ import numpy as np
 from maira_qp.analytic.srs.arcs import Arc
 from maira_qp.analytic.srs.geometry import Branch
 from maira_qp.display import Card, Shown, joint_entries
+from maira_qp.results.answer import errors_in_words
 
 SHOWN, SHOWN_JOINTS = 12, 7
 """Solutions that a printed list shows, and joints of each."""
@@ -34,6 +35,8 @@ class ListedSolution(Shown):
     """The swivel angle [rad]; None: no S-R-S arm"""
     joint_names: tuple[str, ...] = ()
     """Names of the n joints, in the order of `q`"""
+    left_free: tuple[str, ...] = ()
+    """What the tasks leave free, "position" or "orientation": its error says nothing, and is 0"""
 
     def _card(self) -> Card:
         numbers = [f"{value:.4f}" for value in self.q]
@@ -42,7 +45,10 @@ class ListedSolution(Shown):
             arc += f", here {self.psi:.4f}"
         return Card(
             title=f"ListedSolution: cost {self.cost:.6g}",
-            facts=(("error", f"{self.position_error:.3g} m, {self.orientation_error:.3g} rad"), ("arc", arc)),
+            facts=(
+                ("error", errors_in_words(self.position_error, self.orientation_error, self.left_free)),
+                ("arc", arc),
+            ),
             entries=joint_entries(self.joint_names, numbers),
             headings=("joint", "q"),
             rows=list(zip(self.joint_names, numbers, strict=True)),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from maira_qp.display import Card, joint_entries
-from maira_qp.results.answer import OfProblem, Origin
+from maira_qp.results.answer import OfProblem, Origin, errors_in_words
 from maira_qp.results.solution import ends_of
 from maira_qp.results.status import StepStatus
 
@@ -38,16 +38,17 @@ class Step(OfProblem):
         return self._problem.active_limits(self.q)
 
     def __getstate__(self) -> dict[str, Any]:
-        own = {"joint_names": self.joint_names, "q_units": self.q_units, "active_limits": self.active_limits}
+        own = {name: getattr(self, name) for name in ("joint_names", "q_units", "left_free", "active_limits")}
         return {**self.__dict__, **own, "_origin": None}
 
     def _card(self) -> Card:
         units = self.q_units
         numbers = [f"{value:.4f} {unit}" for value, unit in zip(self.q, units, strict=True)]
         speeds = [f"{value:+.4f} {unit}/s" for value, unit in zip(self.velocity, units, strict=True)]
+        errors = errors_in_words(self.position_error, self.orientation_error, self.left_free)
         both = [f"{number} {speed}" for number, speed in zip(numbers, speeds, strict=True)]
         return Card(
-            title=f"Step: {self.position_error:.3g} m and {self.orientation_error:.3g} rad off, by {self.backend}",
+            title=f"Step, {self.status}: error {errors}, by {self.backend}",
             facts=(("active limits", ", ".join(self.active_limits)),),
             entries=joint_entries(self.joint_names, both),
             headings=("joint", "q", "velocity", "limit"),

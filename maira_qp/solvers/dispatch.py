@@ -329,7 +329,10 @@ class Engines:
             asked = "a deadline is kept" if deadline else "the direction is kept" if keep_direction else ""
             if reason := self.tick_refusal or asked:
                 return Choice(self.backend.name, reason)
-            return Choice(COMPILED, "it knows all tasks and objectives")
+            binding = ""
+            if self.problem.additional_limits:
+                binding = f"; ticks in which a limit beside those of the joints binds are made by {self.backend.name}"
+            return Choice(COMPILED, f"it knows all tasks and objectives{binding}")
         if self.refusal or observe:
             return Choice(self.backend.name, self.refusal or "each configuration on the way is observed")
         if self.searching is None:
@@ -454,7 +457,7 @@ class Engines:
 
         for limit in self.problem.additional_limits:
             if limit.target_key is not None:
-                return f"its {type(limit).__name__} is about the target of a call, and needs one for all poses"
+                return _one_for_all(self.problem, limit)
         return f"{self.refusal}{hint(self.problem)}" if self.following is None else ""
 
     def track(
@@ -543,3 +546,15 @@ class Engines:
 
     def _poses(self, solution: Solution) -> Poses:
         return poses_of(self.problem.target_keys, solution._target)
+
+
+def _one_for_all(problem: Problem, limit: Any) -> str:
+    """Why a hard limit about the poses of a path is refused, and what to do."""
+    kind, followed = type(limit).__name__, problem.hierarchy.target_keys[0]
+    key = limit.target_key if limit.target_key != followed else limit.key if limit.name else "range"
+    name = "" if limit.name else f"a name, {kind}(..., name={key!r}), and "
+    return (
+        f"its {kind} is about the target of a call, and needs one for all poses, as its limits stay the same: "
+        f"give it {name}one value, track({{{followed!r}: poses, {key!r}: pose}}), or a target of its own; how far the "
+        "tool may be from each pose is what the weights of its task say"
+    )

@@ -231,6 +231,7 @@ class Solver(Shown):
         base: Any = None,
         accept: Callable[[np.ndarray], bool] | None = None,
         max_joint_change: Any = None,
+        seed: int | None = None,
         weights: Mapping[str, float] | None = None,
         obstacles: Mapping[str, Any] | None = None,
     ) -> Solution:
@@ -258,6 +259,7 @@ class Solver(Shown):
                 from its own start; where none reaches the target the least error |W e|. `s.q0` is its start.
             rng: generator or seed of the random starts; None: seed 0, so that the same call gives the same answer.
                 Other seeds begin elsewhere, and may find another configuration that reaches the target.
+            seed: the same as `rng=seed`, by the name that it has in `solve_batch` and `track`.
             observe: callback, called with each iterate (n,), starts included; the reference engine runs then.
             prefer: "closest": of all `solutions` the one nearest to q0 by `sum_i metric_i (q_i - q0_i)^2`, of which
                 `cost` is then half: for this call that distance takes the place of the solver's redundancy. Global for
@@ -277,14 +279,16 @@ class Solver(Shown):
             max_joint_change: hard limits about q0 for this call: no joint of the answer is farther from q0 than this, a
                 number, (n,), or {joint name: value} with others free [rad or m]. What is said of limits then holds
                 within that box, and `s.scope` says so: UNREACHABLE is no verdict on the arm itself.
-            weights: {name: factor} for the weights of tasks and objectives in this call, >= 0; 0 switches one off.
+            weights: {name: factor} for the weights of tasks and objectives in this call, >= 0; 0 switches one off. What
+                is alone at its level, such as an objective of `Strict`, is minimised whatever its weight: there
+                factors other than 0 change nothing.
             obstacles: {name: pose}: where obstacles of a `CollisionLimit` stand in this call; needed for those of a
                 mapping that were made without a pose. Nothing is loaded again.
 
         Raises `PoseError`, `FrameError`, `ConfigurationError`, `OptionError` for invalid arguments; an outcome is a
         `Status`.
         """
-        seed = SEED_0 if rng is None else checked_seed(rng)
+        words = _words_of(rng, seed)
         check_callable(observe, "observe", OptionError)
         solver = self._for(tool)
         call = partial(solver._of_call, solver.engines.of_solves.with_obstacles(obstacles), target, weights)
@@ -298,7 +302,7 @@ class Solver(Shown):
             each = [(engines, engines.problem.target(poses)) for engines, poses in placed]
             return best_of(
                 [
-                    answer(own.about(one), one, start, seed, demands, observe)
+                    answer(own.about(one), one, start, words, demands, observe)
                     for (own, one), start in zip(each, starts, strict=True)
                 ]
             )
@@ -308,8 +312,8 @@ class Solver(Shown):
             engines, poses = call(start, in_frame, base)
         engines = engines.about(poses)
         if demands is None:
-            return engines.solve(poses, start, seed, observe)
-        return answer(engines, engines.problem.target(poses), start, seed, demands, observe)
+            return engines.solve(poses, start, words, observe)
+        return answer(engines, engines.problem.target(poses), start, words, demands, observe)
 
     def solve_batch(
         self,
@@ -381,6 +385,7 @@ class Solver(Shown):
         target: Any,
         rng: Rng = None,
         *,
+        seed: int | None = None,
         tool: Any = None,
         in_frame: str | None = None,
         base: Any = None,
@@ -396,7 +401,7 @@ class Solver(Shown):
 
         Args:
             target: as for `solve`.
-            rng: as for `solve`: generator or seed of the random starts.
+            rng, seed: as for `solve`: generator or seed of the random starts.
             tool, in_frame, base: as for `solve`.
 
         What is listed keeps the limits beside those of the joints: of arcs it is the best of each piece that does. For
@@ -414,8 +419,8 @@ class Solver(Shown):
         targets = engines.problem.target(target)
         redundancy, engine = engines.problem.redundancy, engines.about(targets).reference
         objective = Posture() if redundancy is None else redundancy.objectives[0]
-        seed = SEED_0 if rng is None else checked_seed(rng)
-        return all_solutions(engine.context, engine.compiled, targets, objective.of(solver.robot), seed)
+        words = _words_of(rng, seed)
+        return all_solutions(engine.context, engine.compiled, targets, objective.of(solver.robot), words)
 
     def track(
         self,
@@ -592,6 +597,15 @@ class Solver(Shown):
         if verb == "track":
             _check_followed(engines)
         return engines.choice(verb, observe=observe, deadline=deadline, keep_direction=keep_direction)
+
+
+def _words_of(rng: Rng, seed: int | None) -> np.ndarray:
+    """The words of a generator or a seed; of neither those of seed 0. Raises `OptionError` for both."""
+    if seed is not None:
+        if rng is not None:
+            raise OptionError("rng and seed both begin the random starts; leave one out")
+        return checked_seed(seed)
+    return SEED_0 if rng is None else checked_seed(rng)
 
 
 def _check_followed(engines: Engines) -> None:

@@ -92,6 +92,14 @@ class Units:
         """Joint values (n,) in rad and m, in the units asked for."""
         return q * self.scale
 
+    def errors(self, position: float | None, orientation: float | None) -> list[tuple[str, str]]:
+        """What tables say of errors [m] and [rad], with a heading each; None: free."""
+        each = (("position", position, self.metre, self.length), ("orientation", orientation, self.radian, self.angle))
+        return [
+            (f"{name} error [{unit}]", "free" if error is None else f"{error * one:.3g}")
+            for name, error, one, unit in each
+        ]
+
 
 def numbers(values: Any) -> str:
     """Numbers in columns, six decimals."""

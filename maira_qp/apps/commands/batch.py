@@ -20,6 +20,7 @@ from maira_qp.errors import OptionError, PoseError
 from maira_qp.io.answers import check_names, check_output, columns, left_out, stream_answers, write_answers
 from maira_qp.io.poses import Poses, blocks, read_poses
 from maira_qp.problem.targets import FARTHEST
+from maira_qp.results.answer import ERRORS, unknown_errors
 from maira_qp.results.batch import BatchSolution
 from maira_qp.results.status import Status
 from maira_qp.robots.model.robot import Robot
@@ -96,7 +97,7 @@ class Batch:
         hints = unit_hints(solver.robot, poses, answers["success"], self.q0)
         summary = _summary(solver, poses, answers, seconds, hints) | {"output": str(output)}
         with reader_may_leave():
-            print_json(summary, stderr=is_streamed) if json else _show(summary, console(stderr=is_streamed))
+            print_json(summary, stderr=is_streamed) if json else _show(summary, units, console(stderr=is_streamed))
         for name in left_out(output, poses.table):
             console(stderr=True).print(
                 f"left out of {output}: {name!r}, which has no entry for each pose", soft_wrap=True
@@ -127,6 +128,8 @@ def _summary(
     solver: Solver, poses: Poses, answers: dict[str, np.ndarray], seconds: float, hints: list[str]
 ) -> dict[str, Any]:
     solved, valid, count = answers["success"], poses.valid, len(poses)
+    worst = {name: answers[name][valid].max() if valid.any() else None for name in ERRORS.values()}
+    worst |= unknown_errors(solver.problem.left_free)
     unsettled = solved & ~answers["optimal"]
     return {
         "robot": solver.robot.name,
@@ -143,8 +146,7 @@ def _summary(
         "starts_moved_onto_limits": int(answers["start_projected"][valid].sum()),
         "starts_left": int(answers["left_q0"].sum()),
         "redundancy_not_settled": 0 if solver.redundancy is None else int(unsettled.sum()),
-        "worst_position_error": answers["position_error"][valid].max() if valid.any() else None,
-        "worst_orientation_error": answers["orientation_error"][valid].max() if valid.any() else None,
+        **{f"worst_{name}": error for name, error in worst.items()},
         "seconds": seconds,
         "poses_per_second": count / max(seconds, 1e-9),
         "hints": hints,
@@ -165,7 +167,7 @@ def unit_hints(robot: Robot, poses: Poses, solved: np.ndarray, q0: np.ndarray | 
     return [f"{hint} ({flag})" for hint in hints for word, flag in flags.items() if word in hint]
 
 
-def _show(summary: dict[str, Any], out: Console) -> None:
+def _show(summary: dict[str, Any], units: Units, out: Console) -> None:
     """The summary as a table."""
     from rich.table import Table
 
@@ -175,9 +177,9 @@ def _show(summary: dict[str, Any], out: Console) -> None:
     for name, meaning in REMARKS.items():
         if summary[name]:
             table.add_row(meaning, str(summary[name]))
-    if summary["worst_position_error"] is not None:
-        table.add_row("worst position error [m]", f"{summary['worst_position_error']:.3g}")
-        table.add_row("worst orientation error [rad]", f"{summary['worst_orientation_error']:.3g}")
+    if summary["without_pose"] < summary["poses"]:
+        for heading, error in units.errors(summary["worst_position_error"], summary["worst_orientation_error"]):
+            table.add_row(f"worst {heading}", error)
     rate = summary["poses_per_second"]
     table.add_row("time", f"{summary['seconds']:.3g} s, {rate:{',.0f' if rate >= 10 else '.2g'}} poses a second")
     table.add_row("QPs solved by", summary["backend"])

@@ -164,6 +164,7 @@ def _show(robot: Robot, units: Units, s: Solution, hints: Sequence[str]) -> None
     from rich.table import Table
 
     from maira_qp.apps.arguments.output import console, joint_table
+    from maira_qp.results.answer import unknown_errors
 
     out = console()
     out.print(f"{s.status.name}: {s.status.meaning}", style="bold green" if s.success else "bold yellow")
@@ -185,8 +186,9 @@ def _show(robot: Robot, units: Units, s: Solution, hints: Sequence[str]) -> None
     ]
     out.print(joint_table(robot.joint_names, units.write(s.q), units.joints, remarks))
     table = Table(show_header=False)
-    table.add_row("position error [m]", f"{s.position_error:.3g}")
-    table.add_row("orientation error [rad]", f"{s.orientation_error:.3g}")
+    known = {"position_error": s.position_error, "orientation_error": s.orientation_error} | unknown_errors(s.left_free)
+    for heading, error in units.errors(*known.values()):
+        table.add_row(heading, error)
     if np.isfinite(s.max_joint_change):
         table.add_row("farthest joint from --q0 [rad or m]", f"{s.max_joint_change:.3g}")
     table.add_row("condition number", f"{s.condition_number:.4g}")
@@ -198,6 +200,8 @@ def _show(robot: Robot, units: Units, s: Solution, hints: Sequence[str]) -> None
 
 
 def _all_as_json(robot: Robot, units: Units, solutions: Solutions) -> dict[str, Any]:
+    from maira_qp.results.answer import unknown_errors
+
     return {
         "robot": robot.name,
         "tip": robot.tip,
@@ -214,6 +218,7 @@ def _all_as_json(robot: Robot, units: Units, solutions: Solutions) -> dict[str, 
                 "position_error": one.position_error,
                 "orientation_error": one.orientation_error,
             }
+            | unknown_errors(one.left_free)
             for one in solutions
         ],
     }

@@ -25,7 +25,6 @@ import pinocchio as pin
 
 from maira_qp.arrays import is_listing, real_array
 from maira_qp.errors import OptionError, shown
-from maira_qp.orientation import rigid_or_point
 from maira_qp.problem.limits.joint import KEPT, Limit, Tick
 from maira_qp.problem.pose import as_pose
 from maira_qp.robots.model.configuration import Configuration
@@ -204,8 +203,10 @@ def braking_gain(robot: Robot, gain: float = math.inf) -> float:
 
 
 def as_offset(value: Any, name: str) -> pin.SE3:
-    """A point (3,) or a pose in a frame as a pose. Raises `PoseError`."""
-    return pin.SE3(rigid_or_point(value, name))
+    """A point (3,) or a pose in a frame as a pose. Raises `OptionError`, `PoseError`."""
+    if not isinstance(value, pin.SE3) and is_listing(value) and not any(map(is_listing, value)):
+        return pin.SE3(np.eye(3), real_array(value, (3,), name, OptionError))
+    return as_pose(value, name)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ import pinocchio as pin
 
 from maira_qp.errors import OptionError, shown
 from maira_qp.orientation import orientation_error, skew
-from maira_qp.problem.aims import at_point, posed
+from maira_qp.problem.aims import as_point, at_point, posed
 from maira_qp.problem.limits.placement import as_offset
 from maira_qp.problem.naming import POINT, POSE
 from maira_qp.problem.pose import as_pose
@@ -256,6 +256,11 @@ class FrameTask(TargetTask):
         e[self.kept] = self.error(at)
         return math.hypot(*e[:3]), math.hypot(*e[3:])
 
+    @property
+    def measures(self) -> tuple[bool, bool]:
+        """Whether the position, and the orientation, count at all."""
+        return bool(self.kept[:3].any()), bool(self.kept[3:].any())
+
 
 def frame_error(actual: pin.SE3, target: pin.SE3) -> np.ndarray:
     """Error (6,) [m, rad] in base axes: `pose_error` of two `pin.SE3`."""
@@ -331,7 +336,7 @@ class PositionTask(FrameTask):
 
     def __post_init__(self) -> None:
         if self.target is not None:
-            object.__setattr__(self, "target", as_offset(self.target, "target"))
+            object.__setattr__(self, "target", as_point(self.target, "target"))
         super().__post_init__()
 
     @property
@@ -341,7 +346,7 @@ class PositionTask(FrameTask):
 
     def with_value(self, value: Any) -> TargetTask:
         """The same task with another target, a point (3,) or a pose. Raises `PoseError`."""
-        return self._aimed(target=as_offset(value, f"target of {self.key!r}"))
+        return self._aimed(target=as_point(value, f"target of {self.key!r}"))
 
     def target_of(self, value: Any) -> Any:
         """The `value` of a call as a pose: a pose, or a point (3,). Raises `PoseError`."""

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
 
 from maira_qp.errors import OptionError
 from maira_qp.problem.naming import check_name
 from maira_qp.problem.objectives import Objective, check_objective
+from maira_qp.problem.redundancy import WeightedObjective
 from maira_qp.problem.tasks.task import check_place, checked_weights
-from maira_qp.robots.model.robot import Robot
 
 
 @dataclass(frozen=True)
-class ObjectiveTask:
+class ObjectiveTask(WeightedObjective):
     """An objective at a priority below the first, beside the tasks there or alone: `weight objective` of the cost.
 
     `Strict(objective)` puts it below all tasks, `Weighted(objective, weight)` into the first level.
@@ -40,29 +39,7 @@ class ObjectiveTask:
                 "an ObjectiveTask has priority 2 or lower down; in the first level: redundancy=Weighted(...)"
             )
 
-    def of(self, robot: Robot) -> ObjectiveTask:
-        """The same with its objective made for this robot."""
-        return replace(self, objective=self.objective.of(robot))
-
     @property
     def key(self) -> str:
         """What a call calls it by."""
         return self.objective.key if self.name is None else self.name
-
-    @property
-    def is_off(self) -> bool:
-        """Its weight is 0."""
-        return self.weight == 0
-
-    @property
-    def datum(self) -> str:
-        """That of its objective."""
-        return self.objective.datum
-
-    def with_value(self, value: Any) -> ObjectiveTask:
-        """The same with another datum of its objective. Raises what that raises."""
-        return replace(self, objective=self.objective.with_value(value))
-
-    def scaled(self, factor: float) -> ObjectiveTask:
-        """The same with its weight times a factor > 0."""
-        return replace(self, weight=self.weight * factor)

@@ -98,6 +98,11 @@ class RelativePoseTask(TargetTask):
         e[self.kept] = self.error(at)
         return math.hypot(*e[:3]), math.hypot(*e[3:])
 
+    @property
+    def measures(self) -> tuple[bool, bool]:
+        """Whether the position, and the orientation, count at all."""
+        return bool(self.kept[:3].any()), bool(self.kept[3:].any())
+
     def toward(self, targets: Any) -> RelativePoseTask:
         """With its target."""
         task = super().toward(targets)

@@ -194,6 +194,11 @@ class Task(ABC):
         """What is left of the error [m] and [rad]: what the tolerances of `Options` are compared with."""
         return 0.0, float(np.linalg.norm(self.error(at)))
 
+    @property
+    def measures(self) -> tuple[bool, bool]:
+        """Whether the parts of `residual` in metres, and in radians, say something: False for what is left free."""
+        return type(self).residual is not Task.residual, True
+
     def weighted_error(self, at: Configuration) -> np.ndarray:
         """W e (m,), computed once for a configuration."""
         kept = at.kept.get((id(self), "error"))

@@ -9,7 +9,7 @@ without its limits is called a fact only where it is proved; else the number of 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -24,7 +24,7 @@ from maira_qp.problem.problem import ACTIVE_WITHIN, Problem
 from maira_qp.problem.qp.costs import multipliers
 from maira_qp.problem.redundancy import Strict, trades_off
 from maira_qp.problem.targets import Poses
-from maira_qp.problem.tasks.frame import FrameTask, frame_error
+from maira_qp.problem.tasks.frame import FrameTask, PoseTask, PositionTask, frame_error
 from maira_qp.results.explanation import ActiveLimit, ActivePair, ActiveRow, BrokenLimit, Explanation
 from maira_qp.results.solution import Solution
 from maira_qp.results.status import Status
@@ -33,6 +33,9 @@ from maira_qp.solvers.reference.context import Context
 
 if TYPE_CHECKING:
     pass
+
+STRAIGHT = 0.99
+"""Cosine of the angle between the arm and the way to the target, from which on both are in line."""
 
 OTHERS_COUNT = 1e-3
 """What the motion of joints whose limits hold counts against that of a released one, as it goes no further than it
@@ -91,6 +94,7 @@ def explain(solution: Solution, poses: Poses, context: Context, resolve: Resolve
         else limit
         for limit in sorted(standing, key=lambda limit: -limit.multiplier)
     ]
+    position, is_stretched = (None, False) if solution.success else question.position_alone()
     weighs = trades_off(problem.redundancy) and not solution.success
     found = [one for one in (free, *alone.values()) if one is not None and one.success]
     return Explanation(
@@ -109,6 +113,8 @@ def explain(solution: Solution, poses: Poses, context: Context, resolve: Resolve
         hints=solution.hints,
         scope=solution.scope,
         rows=rows,
+        position_alone=position,
+        is_stretched=is_stretched,
     )
 
 
@@ -231,6 +237,26 @@ class _Question:
         )
         return self.resolve(problem, {key: self.poses[key] for key in problem.target_keys}, self.q)
 
+    def position_alone(self) -> tuple[float | None, bool]:
+        """What is left of the position [m], 0 within its tolerance, where the orientation is free, and whether the arm
+        is stretched out there: straight from a joint to the tool to the target. None for a task that is none of both.
+        """
+        task, robot = self.problem.tasks[0], self.context.robot
+        if len(self.problem.tasks) > 1 or not isinstance(task, PoseTask) or not task.kept.all():
+            return None, False
+        target = task.toward(self.poses).target
+        problem = Problem.build(
+            robot,
+            task=PositionTask(frame=task.frame, target=target, offset=task.offset),
+            limits=self.context.further,
+            options=self.context.options,
+        )
+        found = self.resolve(problem, {key: self.poses[key] for key in problem.target_keys}, self.q)
+        if found.success:
+            return 0.0, False
+        straight = _is_straight(robot.at(found.q), task, target.translation, robot.moved_links)
+        return found.position_error, straight
+
     def is_within(self, q: np.ndarray) -> bool:
         """Whether q (n,), which solves the tasks without some limits, keeps all of them."""
         robot, at = self.context.robot, self.context.robot.at(q)
@@ -251,3 +277,16 @@ class _Question:
         here = task.actual(robot.at(self.q))
         way = frame_error(here, task.actual(robot.at(q))).reshape(2, 3) @ here.rotation
         return (way * [[task.kept[:3].any()], [task.kept[3:].any()]]).ravel()
+
+
+def _is_straight(at: Configuration, task: PoseTask, target: np.ndarray, joints: Sequence[str]) -> bool:
+    """Whether the tool is as far as it can be from one of the joints, given by their links, and the target (3,) beyond.
+
+    Tool and target are in line, as seen from there, and no joint brings the tool nearer, to first order.
+    """
+    tool = task.actual(at).translation
+    way = (target - tool) / np.linalg.norm(target - tool)
+    rates = way @ at.jacobian(task.frame, task.offset)[:3]
+    seen = np.array([tool - at.placement(link).translation for link in joints])
+    sizes = np.linalg.norm(seen, axis=1)
+    return bool((seen @ way > STRAIGHT * sizes).any() and np.abs(rates).max() < (1 - STRAIGHT) * sizes.max())

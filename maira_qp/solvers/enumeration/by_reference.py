@@ -131,5 +131,6 @@ class ReferenceEnumeration:
 
     def _listed(self, q: np.ndarray) -> ListedSolution:
         at = self.context.robot.at(q)
-        names = self.context.robot.joint_names
-        return ListedSolution(at.q.copy(), self.objective.cost(at), *residual(self._cost, at), joint_names=names)
+        names, free = self.context.robot.joint_names, self.context.problem.left_free
+        errors = residual(self._cost, at)
+        return ListedSolution(at.q.copy(), self.objective.cost(at), *errors, joint_names=names, left_free=free)

@@ -57,6 +57,11 @@ class HandMap:
         """The K keys of the targets that frames follow; what an axis points at or along is none."""
         return tuple(key for key in self.problem.target_keys if key not in self.problem.aims)
 
+    @cached_property
+    def _turn_freely(self) -> np.ndarray:
+        """Of which of the keys (K,) the position alone counts."""
+        return np.array([key in self.problem.takers for key in self.keys], dtype=bool)
+
     def sorted_out(self, target: Any) -> tuple[Any, dict[str, Any]]:
         """The poses that frames follow out of a target, None for none, and other data. Raises `MairaError`."""
         problem = self.problem
@@ -113,6 +118,10 @@ class HandMap:
     def _followed(self, hands: Hands, T: np.ndarray, tools: np.ndarray | None) -> Hands | str | None:
         """`moved` for hands T (K, 4, 4), None where one is not rigid to rounding."""
         count = len(T)
+        turned = np.isfinite(hands.rows[:, 0]) & self._turn_freely
+        if turned.any():  # a position has no orientation that could jump
+            T = T.copy()
+            T[turned, :3, :3] = hands.rows[turned, :9].reshape(-1, 3, 3)
         seen, goals, out = np.empty((count, 12)), np.empty((count, 4, 4)), np.empty(9)
         last = T if not self.is_relative else tools if hands.goals is None else hands.goals
         fault = follow_hands(

@@ -154,3 +154,14 @@ def test_a_path_keeps_a_limit_about_an_aim_that_is_one_for_all_poses(maira, q):
     assert min(far) >= 0.5 - 1e-9
     with pytest.raises(OptionError, match="needs one for all poses"):
         solver.track({"tool0": path, "apart": [there] * 5})
+
+
+def test_a_path_says_how_to_give_a_limit_what_it_is_about(maira, q):
+    """The call that the message shows is one that is followed."""
+    path = [mq.pose([0.01 * k, 0.0, 0.0]) * maira.forward(q) for k in range(4)]
+    with pytest.raises(OptionError, match=r"PoseRange\(..., name='range'\).*'tool0': poses, 'range': pose"):
+        mq.Solver(maira, limits=[mq.PoseRange(position=0.2)]).track(path)
+    named = mq.Solver(maira, limits=[mq.PoseRange(position=0.2, name="range")])
+    assert named.track({"tool0": path, "range": path[0]})
+    with pytest.raises(OptionError, match="'tool0': poses, 'range': pose"):
+        named.track({"tool0": path, "range": path})

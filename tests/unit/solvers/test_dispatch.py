@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.robots import load
 
 import maira_qp as mq
 from maira_qp.errors import BackendError, OptionError
@@ -80,3 +81,35 @@ def test_the_engine_that_follows_paths_is_said_or_why_there_is_none(maira):
                 OptionError, match="compiled engine, which cannot take this: a QP backend was asked for"
             ):
                 call(solver)
+
+
+def test_ticks_within_further_limits_are_said_to_be_made_by_either_engine(maira):
+    limit = mq.LinearLimit(np.eye(7)[1:2], [maira.middle[1] + 1e-4])
+    solver, target = mq.Solver(maira, limits=[limit]), maira.forward(maira.middle + 0.3)
+    assert "ticks in which a limit beside those of the joints binds are made by daqp" in str(solver.engine_for("step"))
+    assert solver.step(maira.middle - 0.5, target, 0.01).backend == "compiled"
+    assert solver.step(maira.middle, target, 0.01).backend == "daqp"
+
+
+def test_a_seed_is_the_same_by_either_name(maira):
+    target, solver = maira.forward(maira.middle + 0.7), mq.Solver(maira, options=mq.Options(position_tolerance=1e-9))
+    assert (solver.solve(target, seed=5).q == solver.solve(target, rng=5).q).all()
+    assert (solver.solve_batch([target], seed=5)[0].q == solver.solve(target, seed=5).q).all()
+    irb = load("irb140")
+    pose = irb.forward(irb.middle + 0.3)
+    assert len(mq.Solver(irb).solutions(pose, seed=3)) == len(mq.Solver(irb).solutions(pose, rng=3))
+    for call in (solver.solve, solver.solutions):
+        with pytest.raises(OptionError, match="leave one out"):
+            call(target, rng=1, seed=1)
+        with pytest.raises(OptionError, match="non-negative"):
+            call(target, seed=-1)
+
+
+def test_a_factor_changes_nothing_for_what_is_alone_at_its_level(maira, rng):
+    """As the docstring says; 0 switches it off."""
+    solver = mq.Solver(maira, redundancy=mq.Strict(mq.Posture(maira.middle + 0.2)))
+    target = maira.forward(maira.random_configuration(rng))
+    q = solver.solve(target).q
+    for factor in (1e-3, 7.0):
+        assert (solver.solve(target, weights={"posture": factor}).q == q).all()
+    assert (solver.solve(target, weights={"posture": 0}).q == mq.Solver(maira).solve(target).q).all()
