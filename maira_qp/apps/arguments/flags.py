@@ -15,7 +15,11 @@ from maira_qp.problem.options import Options
 RobotFlags = Annotated[RobotChoice, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="robot")]
 PoseFlags = Annotated[PoseChoice, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="pose")]
 RedundancyFlags = Annotated[RedundancyChoice, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="redundancy")]
-SolverFlags = Annotated[Options, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="solver")]
+SolverFlags = Annotated[
+    Options,
+    tyro.conf.OmitArgPrefixes,
+    tyro.conf.arg(name="solver", help="When a pose counts as reached, how long to try, and how far to trust a step."),
+]
 
 
 def checked_seed(value: int) -> int:

@@ -191,7 +191,10 @@ def test_millimetres_in_and_out(run, tmp_path, maira):
 def test_a_position_alone(run, maira):
     _, out, _ = run("solve", "--position", 0.4, 0.2, 0.9, "--position-only", "--json")
     assert maira.forward(json.loads(out)["q"]).translation == pytest.approx([0.4, 0.2, 0.9], abs=1e-6)
-    assert json.loads(out)["orientation_error"] == 0
+    assert json.loads(out)["orientation_error"] is None
+    assert "orientation error [rad] │ free" in " ".join(
+        run("solve", "--position", 0.4, 0.2, 0.9, "--position-only")[1].split()
+    )
     code, _, err = run("solve", "--position", 0.4, 0.2, 0.9, "--position-only", "--rpy", 0, 0, 0)
     assert code == 2
     assert "leave --rpy out" in err
