@@ -45,7 +45,9 @@ def test_whole_numbers_beyond_64_bits_are_numbers():
 @pytest.mark.parametrize("make", ["solve", "solve_batch", "task", "sphere", "mesh"])
 @pytest.mark.parametrize("value", [[0.4, 0.0, 0.5], [0.4, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0], "hi", np.eye(3)])
 def test_what_is_no_pose_is_refused_with_what_to_type_for_one(make, value):
-    """A position too: a pose is made of it by a call that the message spells out, and that works."""
+    """A position too, but for bodies: a pose is made of it by a call that the message spells out, and that works."""
+    if make in ("sphere", "mesh") and np.shape(value) == (3,):
+        pytest.skip("a body stands at a point as well")
     solver = mq.Solver(mq.Robot.maira())
     places = {
         "solve": solver.solve,
