@@ -23,7 +23,6 @@ class Entry(NamedTuple):
     path: str = ""
     tip: str | tuple[str, ...] | None = None
     base: str | None = None
-    srdf: str = ""
 
     @property
     def qualified(self) -> str:
@@ -31,8 +30,8 @@ class Entry(NamedTuple):
         return f"{self.package}/{self.name}"
 
 
-def _examples(name: str, path: str, tip: str | tuple[str, ...], base: str | None = None, srdf: str = "") -> Entry:
-    return Entry(EXAMPLES, name, path, tip, base, srdf)
+def _examples(name: str, path: str, tip: str | tuple[str, ...], base: str | None = None) -> Entry:
+    return Entry(EXAMPLES, name, path, tip, base)
 
 
 def _toolbox(name: str, path: str, tip: str) -> Entry:
@@ -49,7 +48,7 @@ ENTRIES = (
     _examples("baxter", "baxter_description/urdf/baxter.urdf", ("left_gripper", "right_gripper")),
     _examples("g1", "g1_description/urdf/g1_29dof_rev_1_0.urdf", ("left_rubber_hand", "right_rubber_hand"), "pelvis"),
     _examples("kinova", "kinova_description/robots/kinova.urdf", "j2s6s200_end_effector"),
-    _examples("panda", "panda_description/urdf/panda.urdf", "panda_hand_tcp", srdf="panda_description/srdf/panda.srdf"),
+    _examples("panda", "panda_description/urdf/panda.urdf", "panda_hand_tcp"),
     _examples("pr2", "pr2_description/urdf/pr2.urdf", ("r_gripper_tool_frame", "l_gripper_tool_frame")),
     _examples("so100", "so_arm_description/urdf/so100.urdf", "gripper"),
     _examples("so101", "so_arm_description/urdf/so101.urdf", "gripper_frame_link"),
@@ -62,7 +61,7 @@ ENTRIES = (
     _examples("ur3", "ur_description/urdf/ur3_robot.urdf", "tool0"),
     _examples("ur5", "ur_description/urdf/ur5_robot.urdf", "tool0"),
     _examples("ur10", "ur_description/urdf/ur10_robot.urdf", "tool0"),
-    _examples("xarm7", "xarm_description/urdf/xarm7.urdf", "link_eef", srdf="xarm_description/srdf/xarm7.srdf"),
+    _examples("xarm7", "xarm_description/urdf/xarm7.urdf", "link_eef"),
     _examples("z1", "z1_description/urdf/z1.urdf", "link06"),
     _toolbox("al5d", "lynxmotion_al5d_description/urdf/al5d_robot.urdf", "link4"),
     _toolbox("irb140", "abb_irb140_description/urdf/irb140.urdf", "tool0"),

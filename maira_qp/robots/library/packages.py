@@ -12,6 +12,7 @@ from types import ModuleType
 
 from maira_qp.errors import RobotError, listed
 from maira_qp.robots.library.names import DESCRIPTIONS, ENTRIES, EXAMPLES, OWN, TOOLBOX, Entry
+from maira_qp.robots.urdf.safe_xml import xml_root
 
 
 def description_file(entry: Entry) -> Path:
@@ -29,11 +30,25 @@ def description_file(entry: Entry) -> Path:
     return path
 
 
-def srdf_file(entry: Entry) -> Path | None:
-    """The SRDF beside a robot's description, if it is known and there."""
-    folder = _FOLDERS[entry.package]() if entry.srdf else None
-    path = None if folder is None else folder / entry.srdf
-    return path if path is not None and path.is_file() else None
+def srdf_beside(path: Path, *names: str) -> Path | None:
+    """The SRDF that belongs to a description, if there is one in its folder or in the folder `srdf` beside that.
+
+    It is the file that is called by the first of the robot's `names` for which there is one, else the only one of whose
+    robot that is the name.
+    """
+    folders = (path.parent, path.parent.parent / "srdf")
+    files = sorted(file for folder in folders for file in folder.glob("*.srdf"))
+    called = [file for name in names for file in files if file.stem == name]
+    told = called or [file for file in files if _robot_name(file) in names]
+    return told[0] if called or len(told) == 1 else None
+
+
+def _robot_name(srdf: Path) -> str | None:
+    """The robot's name in an SRDF; None where it is no XML."""
+    try:
+        return xml_root(srdf).get("name")
+    except RobotError:
+        return None
 
 
 def installed() -> tuple[Entry, ...]:

@@ -17,7 +17,7 @@ from maira_qp.errors import ConfigurationError, OptionError, RobotError, shown
 from maira_qp.robots.collision.urdf_geometry import collision_element
 from maira_qp.robots.dh.table import Convention, DHLink, DHTable
 from maira_qp.robots.library.names import OWN, entry_of
-from maira_qp.robots.library.packages import description_file, installed, srdf_file
+from maira_qp.robots.library.packages import description_file, installed, srdf_beside
 from maira_qp.robots.mjcf.reader import read_mjcf
 from maira_qp.robots.model import catalog
 from maira_qp.robots.model.configuration import Configuration
@@ -327,7 +327,8 @@ class Robot(Shown):
 
         Each name means one robot of one package, whatever is installed: "panda" is that of `example-robot-data`, as
         "example-robot-data/panda" says in full. Names that end with `_description`, such as "ur5e_description", are
-        modules of `robot_descriptions`; nothing is downloaded.
+        modules of `robot_descriptions`; nothing is downloaded. An SRDF that lies beside a URDF, in its folder or in
+        `../srdf`, belongs to the robot: the one that is called as the robot is, else the only one whose robot it is.
 
         Args:
             name: short, or with its package; in upper or lower case.
@@ -347,9 +348,11 @@ class Robot(Shown):
         if tip is None:
             tip, base = entry.tip, entry.base if base is None else base
         path = description_file(entry)
-        if xml_root(path).tag == "mujoco":
+        root = xml_root(path)
+        if root.tag == "mujoco":
             return cls.from_mjcf(path, tip, base, limits=limits, tool=tool)
-        return cls.from_urdf(path, tip, base, limits=limits, tool=tool, srdf=srdf_file(entry))
+        srdf = srdf_beside(path, entry.name, path.stem, root.get("name", ""))
+        return cls.from_urdf(path, tip, base, limits=limits, tool=tool, srdf=srdf)
 
     @staticmethod
     def available() -> tuple[str, ...]:
