@@ -14,7 +14,8 @@ from maira_qp.field_docs import show_fields as _show_fields
 from maira_qp.io.save import save
 from maira_qp.orientation import pose_error
 from maira_qp.problem.limits.collision import CollisionLimit
-from maira_qp.problem.limits.joint import Limit, LinearLimit, Tick
+from maira_qp.problem.limits.joint import Limit, Tick
+from maira_qp.problem.limits.linear import LinearLimit
 from maira_qp.problem.limits.orientation import ConeLimit, PoseRange
 from maira_qp.problem.limits.regions import BoxLimit, DistanceLimit, HalfSpaceLimit
 from maira_qp.problem.limits.tool_speed import ToolSpeedLimit

@@ -18,6 +18,7 @@ from maira_qp.errors import ConfigurationError, OptionError, listed, shown
 from maira_qp.problem.box import ChangeBox
 from maira_qp.problem.levels import TaskHierarchy
 from maira_qp.problem.limits.joint import AccelerationLimit, Limit, PositionLimit, Tick, VelocityLimit
+from maira_qp.problem.limits.linear import limits_of_robot
 from maira_qp.problem.naming import DIRECTION, POINT, Off, are_same, changed, check_known, places_by_key
 from maira_qp.problem.objectives import LimitDistance, Posture
 from maira_qp.problem.options import Options
@@ -42,7 +43,7 @@ class Problem:
     robot: Robot
     hierarchy: TaskHierarchy
     additional_limits: tuple[Limit, ...]
-    """Hard limits beside those of the joints"""
+    """Hard limits beside those of the joints, those that come with the robot first"""
     redundancy: Weighted | Strict | None
     options: Options
     box: ChangeBox | None = None
@@ -74,8 +75,8 @@ class Problem:
                 "Weighted puts its objective into the first level, and there are levels below; "
                 "use mq.ObjectiveTask(objective, weight, priority) or Strict(...)"
             )
-        further, options = tuple(limit.of(robot) for limit in limits), options or Options()
-        problem = Problem(robot, hierarchy, further, None, options)
+        further = (*limits_of_robot(robot), *(limit.of(robot) for limit in limits))
+        problem = Problem(robot, hierarchy, further, None, options or Options())
         problem = problem if redundancy is None else problem.with_redundancy(redundancy.of(robot))
         problem.places  # noqa: B018  (names that are given twice are refused)
         return problem

@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 import numpy as np
 import pinocchio as pin
 
-from maira_qp.arrays import real_array
 from maira_qp.errors import OptionError
 from maira_qp.problem.naming import NO_DATUM, POSE, word_for
 from maira_qp.robots.model.configuration import Configuration
@@ -308,31 +307,6 @@ class VelocityLimit(Limit):
             return None
         reach = self.velocity * tick.dt
         return -reach, reach
-
-
-@dataclass(frozen=True)
-class LinearLimit(Limit):
-    """`A q <= b`, A (m, n), b (m,): coupled joints, as in a parallelogram arm whose q2 + q3 is limited."""
-
-    A: Any
-    b: Any
-    is_linear: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        A = real_array(self.A, (None, None), "A of a LinearLimit", OptionError)
-        b = real_array(self.b, (A.shape[0],), "b of a LinearLimit", OptionError)
-        object.__setattr__(self, "A", A)
-        object.__setattr__(self, "b", b)
-
-    def of(self, robot: Robot) -> LinearLimit:
-        """The same, with its columns counted."""
-        if self.A.shape[1] != robot.n:
-            raise OptionError(f"A of a LinearLimit needs {robot.n} columns, one a joint, not {self.A.shape[1]}")
-        return self
-
-    def rows(self, at: Configuration, tick: Tick | None) -> tuple[np.ndarray, np.ndarray]:
-        """What is left of b, negative where a row is broken."""
-        return self.A, self.b - self.A @ at.q
 
 
 def merge(limits: Sequence[Limit], at: Configuration, tick: Tick | None = None, reserve: float = 0.0) -> Bounds:

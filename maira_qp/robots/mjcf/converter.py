@@ -17,8 +17,13 @@ import numpy as np
 
 from maira_qp.orientation import matrix_from_quaternion
 from maira_qp.robots.mjcf.compiled import Compiled, package
-from maira_qp.robots.mjcf.couplings import Coupling, Couplings
+from maira_qp.robots.mjcf.couplings import Couplings, Range
 from maira_qp.robots.mjcf.shapes import add_origin, add_shapes, words
+from maira_qp.robots.model.joint_limits import SumLimit
+from maira_qp.robots.urdf.sum_limits import sum_element
+
+FOLLOWING = 1e-9
+"""Share by which the range of a part of a follower is wider than its leader's makes it."""
 
 
 class Names:
@@ -64,41 +69,66 @@ def urdf_of(compiled: Compiled, names: Names, couplings: Couplings) -> str:
             _add_mass(link, model, body)
         add_shapes(link, compiled, body)
     for body in range(1, model.nbody):
-        _add_body(robot, model, body, names, couplings.followers)
+        _add_body(robot, model, body, names, couplings)
     for site, name in names.sites.items():
         SubElement(robot, "link", name=name)
         T = _pose(model.site_pos[site], model.site_quat[site])
         _add_joint(robot, names.joint(f"{name}_fixed"), "fixed", names.bodies[model.site_bodyid[site]], name, T)
+    for name, (factors, ends) in couplings.sums.items():
+        robot.append(sum_element(SumLimit(name, {names.joints[k]: factor for k, factor in factors.items()}, *ends)))
     return ElementTree.tostring(robot, encoding="unicode")
 
 
-def _add_body(robot: Element, model: Any, body: int, names: Names, followers: dict[int, Coupling]) -> None:
-    """Add the joints that lead from a body's parent to the body."""
+def _add_body(robot: Element, model: Any, body: int, names: Names, couplings: Couplings) -> None:
+    """Add the joints that lead from a body's parent to the body.
+
+    A follower of several leaders is as many joints about or along one axis, each of which follows one of them.
+    """
     parent, T = names.bodies[model.body_parentid[body]], _pose(model.body_pos[body], model.body_quat[body])
     first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
     for joint in range(first, first + count):
-        kind = _kind(model, joint)
+        kind = _kind(model, joint, couplings.ranges)
         anchor, back = _anchor(model, joint, kind)
-        coupling = followers.get(joint)
-        if coupling is not None and coupling.leader is None:
+        coupling = couplings.followers.get(joint)
+        if coupling is not None and not coupling.leaders:
             T = T @ anchor @ _motion(model, joint, kind, coupling.offset) @ back
             continue
-        child = names.bodies[body]
-        if joint < first + count - 1 or (back != np.eye(4)).any():
-            child = names.link(f"{names.joints[joint]}_link")
-            SubElement(robot, "link", name=child)
-        element = _add_joint(robot, names.joints[joint], kind, parent, child, T @ anchor)
-        if kind in ("revolute", "continuous", "prismatic"):
-            _add_limits(element, model, joint)
-        if coupling is not None and coupling.leader is not None:
-            numbers = {"multiplier": words([coupling.multiplier]), "offset": words([coupling.offset])}
-            SubElement(element, "mimic", {"joint": names.joints[coupling.leader], **numbers})
-        parent, T = child, back
+        T, offset = T @ anchor, 0.0 if coupling is None else coupling.offset
+        parts = [None] if coupling is None else list(coupling.leaders.items())
+        for k, part in enumerate(parts):
+            is_last = k == len(parts) - 1
+            child, name = (
+                names.bodies[body],
+                names.joint(f"{names.joints[joint]}_{k + 1}") if k else names.joints[joint],
+            )
+            if not is_last or joint < first + count - 1 or (back != np.eye(4)).any():
+                child = names.link(f"{name}_link")
+                SubElement(robot, "link", name=child)
+            ends = couplings.ranges.get(joint)
+            if part is not None and len(parts) > 1:
+                kind, ends = _part(kind, couplings.ranges[part[0]], part[1], offset)
+            element = _add_joint(robot, name, kind, parent, child, T)
+            if ends is not None:
+                _add_limits(element, model, joint, kind, ends)
+            if part is not None:
+                numbers = {"multiplier": words([part[1]]), "offset": words([offset])}
+                SubElement(element, "mimic", {"joint": names.joints[part[0]], **numbers})
+            parent, T, offset = child, np.eye(4), 0.0
+        T = back
     if parent != names.bodies[body]:
         _add_joint(robot, names.joint(f"{names.bodies[body]}_fixed"), "fixed", parent, names.bodies[body], T)
 
 
-def _kind(model: Any, joint: int) -> str:
+def _part(kind: str, leader: Range, multiplier: float, offset: float) -> tuple[str, Range]:
+    """Type and range of a joint that follows one of several leaders: whatever that one's range leads it to."""
+    if kind != "prismatic":
+        return "continuous", (-np.inf, np.inf)
+    low, high = sorted(multiplier * end + offset for end in leader)
+    room = FOLLOWING * max(1.0, abs(low), abs(high))
+    return kind, (low - room, high + room)
+
+
+def _kind(model: Any, joint: int, ranges: dict[int, Range]) -> str:
     """The type of a joint, of URDF but for a ball."""
     kinds = package().mjtJoint
     kind = int(model.jnt_type[joint])
@@ -106,7 +136,7 @@ def _kind(model: Any, joint: int) -> str:
         return "floating" if kind == kinds.mjJNT_FREE else "ball"
     if kind == kinds.mjJNT_SLIDE:
         return "prismatic"
-    return "revolute" if model.jnt_limited[joint] else "continuous"
+    return "revolute" if np.isfinite(ranges[joint]).any() else "continuous"
 
 
 def _anchor(model: Any, joint: int, kind: str) -> tuple[np.ndarray, np.ndarray]:
@@ -138,14 +168,14 @@ def _add_joint(robot: Element, name: str, kind: str, parent: str, child: str, T:
     return joint
 
 
-def _add_limits(element: Element, model: Any, joint: int) -> None:
+def _add_limits(element: Element, model: Any, joint: int, kind: str, ends: Range) -> None:
     """Add the axis and the limits of a hinge or slide; MJCF has none of speed."""
     SubElement(element, "axis", xyz=words(model.jnt_axis[joint]))
     limits = {"effort": "0", "velocity": "0"}
     if model.jnt_actfrclimited[joint]:
         limits["effort"] = words([np.abs(model.jnt_actfrcrange[joint]).max()])
-    if model.jnt_limited[joint]:
-        limits |= {key: words([end]) for key, end in zip(("lower", "upper"), model.jnt_range[joint], strict=True)}
+    if kind != "continuous" and np.isfinite(ends).any():
+        limits |= {key: words([end]) for key, end in zip(("lower", "upper"), ends, strict=True)}
     SubElement(element, "limit", limits)
 
 

@@ -10,10 +10,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from maira_qp.errors import RobotError
 from maira_qp.robots.mjcf.compiled import compiled, package
 from maira_qp.robots.mjcf.converter import Names, urdf_of
 from maira_qp.robots.mjcf.couplings import couplings_of, is_single, joints_above
-from maira_qp.robots.model.joint_limits import Limits
+from maira_qp.robots.model.joint_limits import Limits, given_limits
 from maira_qp.robots.srdf.semantics import Semantics
 from maira_qp.robots.urdf.joint import MOVING
 from maira_qp.robots.urdf.reader import Chain, read_urdf
@@ -35,15 +36,27 @@ def read_mjcf(
     """
     made = compiled(source)
     model, names = made.model, Names(made.model)
-    couplings = couplings_of(model, names.joints)
+    single = {names.joints[joint]: joint for joint in range(model.njnt) if is_single(model, joint)}
+    given = {single[name]: pair for name, pair in given_limits(limits, single).items()}
+    couplings = couplings_of(model, names.joints, given)
     start = _floating_base(model, names, tip) if base is None else base
-    chain = read_urdf(urdf_of(made, names, couplings), tip=tip, base=start, limits=limits)
+    chain = read_urdf(urdf_of(made, names, couplings), tip=tip, base=start)
     joints = ElementTree.fromstring(chain.urdf).iterfind("joint")
-    moving = {names.joints.index(each.attrib["name"]) for each in joints if each.get("type") in MOVING}
-    for what, joints in couplings.others.items():
+    moving = {single[name] for each in joints if each.get("type") in MOVING and (name := each.attrib["name"]) in single}
+    for what, joints in couplings.curved.items():
         if joints & moving:
-            log.warning("%s, which is not kept: %s", chain.name, what)
+            remedy = 'make it linear, or inactive (active="false") where it does not matter'
+            raise RobotError(f"{chain.name}: {what}, and determines {_listed(joints & moving, names)}; {remedy}")
+    for what, joints in couplings.notes.items():
+        if joints & moving:
+            log.warning("%s: %s (%s)", chain.name, what, _listed(joints & moving, names))
     return chain, Semantics(states=_keyframes(model, names), touching=_touching(model, names))
+
+
+def _listed(joints: set[int], names: Names) -> str:
+    """The names of joints, the first of many."""
+    told = [names.joints[joint] for joint in sorted(joints)]
+    return ", ".join(told[:8]) + (f" and {len(told) - 8} more" if len(told) > 8 else "")
 
 
 def _floating_base(model: Any, names: Names, tip: Any) -> str | None:

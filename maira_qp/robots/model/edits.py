@@ -21,6 +21,7 @@ from maira_qp.robots.model.joint_values import check_joints
 from maira_qp.robots.model.reduced import UNIVERSE, Reduced, frames_of, locked
 from maira_qp.robots.urdf.joint import fixed_at, joint_of
 from maira_qp.robots.urdf.rpy import rpy_from_matrix
+from maira_qp.robots.urdf.sum_limits import place_fixed
 
 
 class Edit(ABC):
@@ -97,6 +98,7 @@ class Locked(Edit):
 
     def urdf(self, root: Element) -> None:
         """With fixed joints in their place."""
+        place_fixed(root, self.values)
         for element in root.findall("joint"):
             joint = joint_of(element)
             value = self.values.get(joint.name)

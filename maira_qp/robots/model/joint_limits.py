@@ -1,20 +1,27 @@
-"""Limits of joints as a caller sets them: a number for all, an array, or a mapping by name; checked, and written."""
+"""Limits of joints as a caller sets them: a number for all, an array, or a mapping by name; limits of their sums."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from maira_qp.arrays import is_listing, real_array
-from maira_qp.errors import OptionError, listed, shown
+from maira_qp.errors import ConfigurationError, OptionError, listed, shown
 from maira_qp.robots.model.joint_values import joint_values
 from maira_qp.robots.unit_hints import degrees_hint_of_angles
 
 ENDLESS = 1e16
 """Limits beyond it are none: a double steps by more than a radian, or a metre, there. Files write 1.797e308."""
+
+DRAWS = 100
+"""So often a configuration is drawn from a box before limits of sums are held to leave little of it."""
+STEPS = 20
+"""Of a walk, for each joint."""
+NEWTON = 50
+"""Steps to an analytic centre."""
 
 Limits = Mapping[str, tuple[float, float]]
 """Lower and upper limits by the names of joints, in place of those of a description."""
@@ -110,6 +117,95 @@ class JointLimits:
         """Raises `OptionError` that names the first joint where (n,) something is wrong, with its values."""
         for i in np.flatnonzero(where):
             raise OptionError(f"joint {self.joint_names[i]!r}: {reason.format(*(float(value[i]) for value in values))}")
+
+
+@dataclass(frozen=True)
+class SumLimit:
+    """`lower <= sum of coefficient * q <= upper` over some joints: a hard limit that a robot's description holds.
+
+    Such are the range of a tendon, and that of a joint which follows several others.
+    """
+
+    name: str
+    """Of the tendon, or of the joint."""
+    coefficients: Mapping[str, float]
+    """{joint name: coefficient}"""
+    lower: float
+    """In the unit of the sum; -inf: none"""
+    upper: float
+    """inf: none"""
+
+    def placed(self, values: Mapping[str, float]) -> SumLimit:
+        """The same for the other joints where some of them stand at values {joint name: value} [rad, or m]."""
+        still = sum(factor * values[joint] for joint, factor in self.coefficients.items() if joint in values)
+        left = {joint: factor for joint, factor in self.coefficients.items() if joint not in values}
+        return SumLimit(self.name, left, self.lower - still, self.upper - still)
+
+
+def sum_rows(sums: Iterable[SumLimit], joint_names: Sequence[str]) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+    """Limits of sums as A (m, n), b (m,) of `A q <= b`, and what each row is called, such as "split upper"."""
+    rows, sides, names = list[list[float]](), list[float](), list[str]()
+    for limit in sums:
+        row = [limit.coefficients.get(name, 0.0) for name in joint_names]
+        for sign, end, side in ((1.0, limit.upper, "upper"), (-1.0, limit.lower, "lower")):
+            if np.isfinite(end):
+                rows.append([sign * factor + 0.0 for factor in row])
+                sides.append(sign * end)
+                names.append(f"{limit.name} {side}")
+    return np.reshape(rows, (-1, len(joint_names))), np.array(sides), tuple(names)
+
+
+def drawn_within(
+    rng: np.random.Generator,
+    draw: Callable[[], np.ndarray],
+    box: tuple[np.ndarray, np.ndarray],
+    sums: Sequence[SumLimit],
+    joint_names: Sequence[str],
+) -> np.ndarray:
+    """A configuration (n,) within a box and limits of sums: the first of some draws that is, else by hit and run.
+
+    That is a walk from the analytic centre in random directions, each as far as a uniform draw from what the limits
+    leave of it (Smith, "Efficient Monte Carlo procedures for generating points uniformly distributed over bounded
+    regions", 1984): uniform in the limit of many steps. The directions are those of the ellipsoid about the centre.
+    Raises `ConfigurationError` if nothing is within.
+    """
+    A, b, _ = sum_rows(sums, joint_names)
+    for _ in range(DRAWS):
+        q = draw()
+        if (A @ q <= b).all():
+            return q
+    n = len(joint_names)
+    A, b = np.vstack([A, np.eye(n), -np.eye(n)]), np.concatenate([b, box[1], -box[0]])
+    centre, stretched = _analytic_centre(A, b, [limit.name for limit in sums])
+    q = centre
+    for _ in range(STEPS * n):
+        way = stretched @ rng.normal(size=n)
+        rates, left = A @ way, np.maximum(b - A @ q, 0.0)
+        ends = np.divide(left, rates, out=np.full(len(left), np.inf), where=rates != 0.0)
+        q = q + rng.uniform(ends[rates < 0].max(), ends[rates > 0].min()) * way
+    return np.clip(q, *box)
+
+
+def _analytic_centre(A: np.ndarray, b: np.ndarray, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """The point (n,) in `A q <= b` with the largest product of distances, and the axes (n, n) of the ellipsoid there.
+
+    By Newton's method from the middle of the largest ball. Raises `ConfigurationError` if there is none.
+    """
+    from scipy.optimize import linprog  # heavy
+
+    n, sizes = A.shape[1], np.linalg.norm(A, axis=1, keepdims=True)
+    bounds = [(None, None)] * n + [(0, None)]
+    found = linprog([*np.zeros(n), -1.0], np.hstack([A, sizes]), b, bounds=bounds)
+    if found.x is None:
+        raise ConfigurationError(f"no configuration within the joint limits keeps those of the sums {', '.join(names)}")
+    q, H = found.x[:-1], np.eye(n)
+    for _ in range(NEWTON):
+        scaled = A / np.maximum(b - A @ q, np.finfo(float).tiny)[:, None]
+        H = scaled.T @ scaled
+        step = -np.linalg.lstsq(H, scaled.sum(axis=0), rcond=None)[0]
+        q = q + step / (1.0 + np.sqrt(max(float(step @ H @ step), 0.0)))
+    values, axes = np.linalg.eigh(H)
+    return q, axes / np.sqrt(np.maximum(values, np.finfo(float).tiny))
 
 
 def given_limits(limits: Limits | None, known: Iterable[str]) -> dict[str, tuple[float, float]]:

@@ -17,7 +17,7 @@ import pinocchio as pin
 from maira_qp.arrays import real_array
 from maira_qp.errors import FrameError, RobotError, listed, shown
 from maira_qp.robots.model.frame_names import known_frame, named_tips
-from maira_qp.robots.model.joint_limits import ENDLESS, JointLimits, Limits, given_limits
+from maira_qp.robots.model.joint_limits import ENDLESS, JointLimits, Limits, SumLimit, given_limits
 from maira_qp.robots.model.joint_types import is_unbounded, one_number
 from maira_qp.robots.model.kinematics import MAX_JOINTS
 from maira_qp.robots.model.pinocchio_versions import (
@@ -47,6 +47,8 @@ class Reduced(NamedTuple):
     tips: tuple[str, ...]
     resting: Mapping[str, tuple[float, float]] = {}
     """Limits [rad, or m] of the joints that could stand elsewhere, of followers their leaders alone."""
+    sums: tuple[SumLimit, ...] = ()
+    """Of the joints that are no followers"""
 
     def __reduce__(self) -> tuple[Callable[..., Reduced], tuple[object, ...]]:
         return _unpickled, (*model_to_pickle(self.model), *self[1:])
@@ -161,7 +163,8 @@ def locked(part: Reduced, values: Mapping[str, float]) -> Reduced:
     places = [j - 1 for j in kinds]
     new.lowerPositionLimit, new.upperPositionLimit = model.lowerPositionLimit[places], model.upperPositionLimit[places]
     left = {name: coupling for name, coupling in mimic.items() if name not in placed}
-    return Reduced(new, left, part.base, part.tips)
+    sums = tuple(each for limit in part.sums if (each := limit.placed(values)).coefficients)
+    return Reduced(new, left, part.base, part.tips, sums=sums)
 
 
 def coupled(model: pin.Model, mimic: Couplings) -> pin.Model:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -33,14 +33,13 @@ from maira_qp.robots.model.edits import (
     tools,
     without_object,
 )
-from maira_qp.robots.model.joint_limits import JointLimits
+from maira_qp.robots.model.joint_limits import JointLimits, SumLimit, drawn_within
 from maira_qp.robots.model.joint_values import joint_array, joint_order
 from maira_qp.robots.model.kinematics import Kinematics
 from maira_qp.robots.model.reduced import Couplings, Reduced, coupled, frames_of, plain, reduced
-from maira_qp.robots.model.sources import Description, DHSource, ModelSource, Source, URDFSource, given_table
+from maira_qp.robots.model.sources import Description, DHSource, ModelSource, Source, URDFSource, given_table, part_of
 from maira_qp.robots.srdf.reader import read_srdf
 from maira_qp.robots.srdf.semantics import Semantics
-from maira_qp.robots.urdf.model import model_of
 from maira_qp.robots.urdf.reader import Chain, link_tree, read_urdf
 from maira_qp.robots.urdf.safe_xml import is_text, xml_root
 from maira_qp.robots.urdf.writer import urdf_text
@@ -95,6 +94,9 @@ class Robot(Shown):
     """Largest torques or forces (n,) [N m, or N], inf where there is no limit."""
     acceleration_limit: np.ndarray
     """Largest accelerations (n,) [rad/s^2, or m/s^2], inf where there is no limit."""
+    sum_limits: tuple[SumLimit, ...]
+    """Hard limits of sums of joint values: ranges of an MJCF's tendons, and of joints that follow several others. Every
+    solver keeps them, unasked."""
     length: float
     """Length of the arm stretched out [m], what errors of position are measured by: the distances between its joints
     and to the tip, and prismatic ranges, each of which counts no more than all distances together.
@@ -106,7 +108,7 @@ class Robot(Shown):
     def __init__(self, part: Reduced, name: str, acceleration: np.ndarray, description: Description) -> None:
         """From a part of a model, accelerations (n,) and a description of it; use `from_model`."""
         self._part, self._description = part, description
-        mimic, base, tips = part.mimic, part.base, part.tips
+        mimic, base, tips, self.sum_limits = part.mimic, part.base, part.tips, part.sums
         self.model = coupled(part.model, mimic)
         links = frames_of(self.model)
         frames = {base: links.get(base, 0), **links}  # the universe is no link
@@ -191,9 +193,7 @@ class Robot(Shown):
 
     @classmethod
     def _of_chain(cls, chain: Chain, source: Source, semantics: Semantics | None = None) -> Robot:
-        model, mimic = model_of(chain)
-        part = reduced(model, chain.tips, chain.base, None, mimic)
-        return cls._of_part(part, chain.name, chain.acceleration, source, semantics)
+        return cls._of_part(part_of(chain), chain.name, chain.acceleration, source, semantics)
 
     @classmethod
     def from_dh(
@@ -290,10 +290,15 @@ class Robot(Shown):
 
         MuJoCo itself resolves defaults, includes, angles and frames, and `q` is its `qpos`. Joints between base and
         tips move, all others are fixed at zero, and elsewhere by `at_rest`; those of free joints and balls where the
-        model has them. Equality constraints of joints and of fixed tendons that leave a joint one leader make it a
-        mimic joint; others are not kept, and are logged where they concern the joints that move. Shapes become the
-        nearest of URDF, a plane a box below it, an ellipsoid the box around it. Meshes, height fields and textures are
-        not opened. Keyframes are states, see `state`; links that MuJoCo does not let collide may touch.
+        model has them. Keyframes are states, see `state`; links that MuJoCo does not let collide may touch. Shapes
+        become the nearest of URDF, a plane a box below it, an ellipsoid the box around it. Meshes, height fields and
+        textures are not opened.
+
+        Linear equality constraints of joints and of fixed tendons make mimic joints: one, or one for each of several
+        leaders, about the same axis. Ranges of fixed tendons, and of joints that follow several others, are
+        `sum_limits`; where they depend on one joint they narrow its range. What cannot be kept is logged where it
+        concerns joints that move: loops that `connect` and `weld` close, tendons through sites. An equality of higher
+        degree is refused where it determines a joint that moves.
 
         MuJoCo reads whatever files the model includes, and makes whatever it asks for: take models from sources that
         you trust.
@@ -306,8 +311,8 @@ class Robot(Shown):
             limits: {joint name: (lower, upper)} [rad, or m] in place of those in the model.
             tool: pose of a tool in the tip, or {tip: pose}, as for `with_tool`; None: the tip is the tool.
 
-        Raises `RobotError` if MuJoCo is not installed or refuses the model, and what `from_urdf` raises: for a free
-        joint or a ball between base and tip, or a slide without limits.
+        Raises `RobotError` if MuJoCo is not installed or refuses the model, where equalities contradict each other, and
+        what `from_urdf` raises: for a free joint or a ball between base and tip, or a slide without limits.
         """
         chain, semantics = read_mjcf(source, tip, base, limits)
         read = URDFSource(chain.urdf, chain.tips, chain.base, chain.resting)
@@ -684,11 +689,16 @@ class Robot(Shown):
     def random_configuration(self, rng: np.random.Generator) -> np.ndarray:
         """Draw a configuration (n,) with the generator `rng`: uniform within the limits or in a turn.
 
-        Raises `OptionError`.
+        It keeps `sum_limits` too; where these leave little of the joints' ranges it is nearly uniform: a random walk.
+
+        Raises `OptionError`; `ConfigurationError` where nothing keeps `sum_limits`.
         """
         if not isinstance(rng, np.random.Generator):
             raise OptionError(f"rng must be a numpy.random.Generator, such as default_rng(0), got {shown(rng)}")
-        return drawn(rng, *self.drawn_range)
+        if not self.sum_limits:
+            return drawn(rng, *self.drawn_range)
+        draw = partial(drawn, rng, *self.drawn_range)
+        return drawn_within(rng, draw, self.drawn_range, self.sum_limits, self.joint_names)
 
     @overload
     def clip(  # pyright: ignore[reportOverlappingOverload]
@@ -731,7 +741,10 @@ class Robot(Shown):
         ]
         return Card(
             title=self.title,
-            facts=(("length", f"{self.length:.3g} m"),),
+            facts=(
+                ("length", f"{self.length:.3g} m"),
+                ("limits of sums", ", ".join(limit.name for limit in self.sum_limits)),
+            ),
             entries=joint_entries(self.joint_names, ranges),
             headings=("joint", "range", "speed limit"),
             rows=list(zip(self.joint_names, ranges, speeds, strict=True)),

@@ -17,11 +17,18 @@ from maira_qp.robots.model.reduced import Reduced, reduced
 from maira_qp.robots.srdf.semantics import Semantics
 from maira_qp.robots.urdf.joint import Joint, fixed_at, turned_round
 from maira_qp.robots.urdf.model import model_of
-from maira_qp.robots.urdf.reader import read_urdf
+from maira_qp.robots.urdf.reader import Chain, read_urdf
+from maira_qp.robots.urdf.sum_limits import place_fixed
 from maira_qp.robots.urdf.writer import urdf_text
 
 FOLLOWING = 1e-9
 """Share by which the limits of a mimic joint become wider than its leader's, and differ at least for that."""
+
+
+def part_of(chain: Chain) -> Reduced:
+    """The model of a description that was read. Raises `RobotError`."""
+    model, mimic = model_of(chain)
+    return reduced(model, chain.tips, chain.base, None, mimic)._replace(sums=chain.sums)
 
 
 class Source(ABC):
@@ -63,8 +70,7 @@ class URDFSource(Source):
 
     def part(self) -> Reduced:
         """By the reader."""
-        model, mimic = model_of(read_urdf(self.normalised, tip=self.tips, base=self.base))
-        return reduced(model, self.tips, self.base, None, mimic)
+        return part_of(read_urdf(self.normalised, tip=self.tips, base=self.base))
 
     def at_rest(self, values: Any, moving: tuple[str, ...]) -> URDFSource:
         """With the origins of the fixed joints moved to where the values lead."""
@@ -77,6 +83,7 @@ class URDFSource(Source):
                 leader, multiplier, offset = joint.mimic
                 placed[name] = multiplier * placed[leader] + offset
         root = ElementTree.fromstring(self.normalised)
+        place_fixed(root, placed)
         for element in root.findall("joint"):
             if (joint := joints.get(element.attrib["name"])) is not None and joint.name in placed:
                 fixed = fixed_at(joint, placed[joint.name])
@@ -101,9 +108,7 @@ class DHSource(Source):
 
     def part(self) -> Reduced:
         """By way of the URDF."""
-        chain = read_urdf(urdf_text(self.dh))
-        model, mimic = model_of(chain)
-        return reduced(model, chain.tips, chain.base, None, mimic)
+        return part_of(read_urdf(urdf_text(self.dh)))
 
     def at_rest(self, values: Any, moving: tuple[str, ...]) -> DHSource:
         """All of its joints move."""
@@ -132,7 +137,7 @@ class ModelSource(Source):
 
     def part(self) -> Reduced:
         """The part of the model."""
-        model, mimic, base, tips, _ = self.whole
+        model, mimic, base, tips, *_ = self.whole
         return reduced(model, tips, base, self.limits, mimic, self.rest)
 
     def at_rest(self, values: Any, moving: tuple[str, ...]) -> ModelSource:

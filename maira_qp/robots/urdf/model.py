@@ -12,6 +12,7 @@ import pinocchio as pin
 from maira_qp.errors import RobotError
 from maira_qp.robots.model.reduced import independent
 from maira_qp.robots.urdf.reader import Chain
+from maira_qp.robots.urdf.sum_limits import TAG
 
 
 def model_of(chain: Chain) -> tuple[pin.Model, dict[str, tuple[str, float, float]]]:
@@ -55,9 +56,11 @@ def _for_pinocchio(root: Element) -> str:
     """The normalised URDF as Pinocchio needs it.
 
     Pinocchio makes a continuous joint a pair (cos, sin), so it becomes revolute here. It visits the joints under a link
-    in the order of their names, so they are named by their order. Shapes are left out, and so are masses that it could
-    not read.
+    in the order of their names, so they are named by their order. Shapes and limits of sums are left out, and so are
+    masses that it could not read.
     """
+    for limit in root.findall(TAG):
+        root.remove(limit)
     for link in root.findall("link"):
         for part in list(link):
             if part.tag != "inertial" or not _is_readable(part):

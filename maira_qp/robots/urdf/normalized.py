@@ -11,10 +11,16 @@ from xml.etree.ElementTree import Element, SubElement
 
 from maira_qp.robots.urdf.joint import MOVING, Joint
 from maira_qp.robots.urdf.safe_xml import is_text
+from maira_qp.robots.urdf.sum_limits import Sum, sum_element
 
 
 def normalised(
-    name: str, links: list[Element], joints: list[Joint], root: Element, source: str | os.PathLike[str]
+    name: str,
+    links: list[Element],
+    joints: list[Joint],
+    sums: Iterable[Sum],
+    root: Element,
+    source: str | os.PathLike[str],
 ) -> str:
     """The normalised URDF: links as they are, joints written anew with all digits.
 
@@ -28,6 +34,7 @@ def normalised(
         kept.extend(_plain(part) for part in link if part.tag in ("inertial", "visual", "collision"))
     for joint in joints:
         _write_joint(robot, joint)
+    robot.extend(sum_element(each.limit, each.still) for each in sums)
     if not is_text(source):
         for mesh in robot.iter("mesh"):
             mesh.set("filename", _beside(mesh.get("filename", ""), Path(source).parent))
@@ -62,7 +69,7 @@ def _write_joint(robot: Element, joint: Joint) -> None:
     if joint.kind not in MOVING:
         return
     SubElement(element, "axis", xyz=_words(joint.axis))
-    bounds = {"lower": joint.lower, "upper": joint.upper} if joint.kind != "continuous" else {}
+    bounds = {"lower": joint.lower, "upper": joint.upper} if math.isfinite(joint.upper - joint.lower) else {}
     known = {"effort": joint.effort, "velocity": joint.velocity}
     known = {key: value if math.isfinite(value) else 0.0 for key, value in known.items()}
     last = {"acceleration": joint.acceleration} if math.isfinite(joint.acceleration) else {}

@@ -20,7 +20,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from maira_qp.errors import RobotError, listed
-from maira_qp.robots.model.joint_limits import Limits, given_limits
+from maira_qp.robots.model.joint_limits import Limits, SumLimit, given_limits
 from maira_qp.robots.model.kinematics import MAX_JOINTS
 from maira_qp.robots.urdf.joint import (
     BALL,
@@ -39,6 +39,7 @@ from maira_qp.robots.urdf.joint_order import visiting_order
 from maira_qp.robots.urdf.link_tree import Edge, LinkTree
 from maira_qp.robots.urdf.normalized import normalised
 from maira_qp.robots.urdf.safe_xml import xml_root
+from maira_qp.robots.urdf.sum_limits import Place, sums_of
 
 log = logging.getLogger(__name__)
 
@@ -74,6 +75,8 @@ class Chain:
     resting: Mapping[str, Joint] = field(compare=False, repr=False)
     """The joints that are fixed here, but move in the description, as they are there; followers with the joint at the
     head as their leader, and without those of joints that move here."""
+    sums: tuple[SumLimit, ...] = field(compare=False, repr=False)
+    """Limits of sums of the independent joints."""
 
     @property
     def tip(self) -> str:
@@ -116,8 +119,10 @@ def read_urdf(
     free = [joint for joint in placed if joint.name in moving and joint.mimic is None]
     frames = (base, *(joint.child for joint in placed))
     name = root.get("name") or "robot"
+    sums = sums_of(root, lambda joint, at: _place(joint, at, moving, joints), elements)
+    shapes = [links.get(link, Element("link", name=link)) for link in frames]
     return Chain(
-        urdf=normalised(name, [links.get(link, Element("link", name=link)) for link in frames], placed, root, source),
+        urdf=normalised(name, shapes, placed, sums, root, source),
         name=name,
         base=base,
         tips=tips,
@@ -129,6 +134,7 @@ def read_urdf(
         acceleration=_read_only(joint.acceleration for joint in free),
         frames=frames,
         resting=_resting(placed, moving, joints),
+        sums=tuple(each.moving for each in sums),
     )
 
 
@@ -222,8 +228,8 @@ def _moving_joints(joints: Mapping[str, Joint], path: list[str]) -> dict[str, Jo
             )
         if joint.kind == "fixed":
             continue
-        _need_limits(joint)
         if joint.mimic is None:
+            _need_limits(joint)
             moving.setdefault(joint.name, joint)
             continue
         leader, multiplier, offset = _leader(joint, joints)
@@ -359,6 +365,15 @@ def _rest(joint: Joint, joints: Mapping[str, Joint]) -> float:
         return min(max(0.0, joint.lower), joint.upper)
     leader, multiplier, offset = _leader(joint, joints)
     return multiplier * _rest(leader, joints) + offset
+
+
+def _place(name: str, at: float, moving: Mapping[str, Joint], joints: Mapping[str, Joint]) -> Place:
+    """Where a joint stands, one that is fixed at a value. Raises `RobotError` for one that makes no sense."""
+    joint = joints[name]
+    if joint.kind not in MOVING:
+        return None, 0.0, at
+    leader, multiplier, offset = _leader(joint, joints) if joint.mimic is not None else (joint, 1.0, 0.0)
+    return (leader.name, multiplier, offset) if leader.name in moving else (None, 0.0, _rest(joint, joints))
 
 
 def _turned_round(joint: Joint, taken: set[str]) -> list[Joint]:

@@ -154,7 +154,10 @@ class DatasetJob(Job):
 
         rng = np.random.default_rng((self.seed, k))
         if self.poses == "configurations":
-            q = drawn(rng, *robot.drawn_range, GROUP)
+            if robot.sum_limits:
+                q = np.array([robot.random_configuration(rng) for _ in range(GROUP)])
+            else:
+                q = drawn(rng, *robot.drawn_range, GROUP)
             return np.array([robot.at(each).placement(None).homogeneous for each in q])
         T = np.tile(np.eye(4), (GROUP, 1, 1))
         direction, quaternions = rng.normal(size=(GROUP, 3)), rng.normal(size=(GROUP, 4))

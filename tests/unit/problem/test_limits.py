@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from maira_qp.errors import OptionError
-from maira_qp.problem.limits.joint import AccelerationLimit, LinearLimit, PositionLimit, Tick, VelocityLimit, merge
+from maira_qp.problem.limits.joint import AccelerationLimit, PositionLimit, Tick, VelocityLimit, merge
+from maira_qp.problem.limits.linear import LinearLimit
 
 AT_ONCE = np.inf
 

@@ -107,6 +107,40 @@ def test_robot_descriptions_are_taken_from_its_cache_alone(descriptions):
         mq.Robot.load("leg_description")
 
 
+def test_an_srdf_beside_a_description_belongs_to_the_robot():
+    """By rule: of several that of its name, else the only one of whose robot it is; none of another robot's."""
+    touching = {name: len(mq.Robot.load(name).semantics.touching) for name in ("baxter", "pr2", "talos", "ur5", "ur3")}
+    assert touching == {"baxter": 397, "pr2": 1161, "talos": 459, "ur5": 10, "ur3": 0}
+    for name, state in (("z1", "home"), ("talos", "half_sitting"), ("kinova", "arm_up"), ("xarm7", "home")):
+        assert state in mq.Robot.load(name).states
+    for name in ("baxter", "talos", "ur5"):  # whose shapes overlap without it
+        robot = mq.Robot.load(name)
+        limit = mq.CollisionLimit(margin=0.0).of(robot)
+        assert limit.distance(robot.at(robot.middle)) > 0
+
+
+def test_which_srdf_it_is(tmp_path):
+    (tmp_path / "arm" / "urdf").mkdir(parents=True)
+    (tmp_path / "arm" / "srdf").mkdir()
+    urdf = tmp_path / "arm" / "urdf" / "long_arm.urdf"
+
+    def beside(*names, **files):
+        for old in (tmp_path / "arm").glob("*/*.srdf"):
+            old.unlink()
+        for name, robot in files.items():
+            (tmp_path / "arm" / "srdf" / f"{name}.srdf").write_text(
+                robot if "<" in robot else f'<robot name="{robot}"/>'
+            )
+        found = packages.srdf_beside(urdf, *names)
+        return None if found is None else found.stem
+
+    assert beside("arm", "long_arm") is None
+    assert beside("arm", "long_arm", long_arm="x", arm_gripper="arm") == "long_arm"
+    assert beside("arm", "long_arm", long_arm="x", arm="x") == "arm"
+    assert beside("arm", "long_arm", arm_gripper="arm", other="legs", broken="<robot") == "arm_gripper"
+    assert beside("arm", "long_arm", one="arm", two="arm") is None
+
+
 XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="length" default="1"/>
   <link name="a"/><link name="b"/><link name="c"/>
   <joint name="j" type="revolute"><parent link="a"/><child link="b"/><limit lower="-1" upper="${pi / 2}"/></joint>

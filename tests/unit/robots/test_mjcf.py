@@ -202,17 +202,8 @@ def test_equalities_that_contradict_each_other_are_refused():
 @pytest.mark.parametrize(
     ("equalities", "told"),
     [
-        (
-            '<equality><joint name="e" joint1="right" joint2="left" polycoef="0 1 1"/></equality>',
-            "'e' is no linear one",
-        ),
         ('<equality><connect body1="right" body2="left" anchor="0 0 0"/></equality>', "'number 0' closes a loop"),
         ('<equality><weld name="w" body1="right" body2="left"/></equality>', "'w' closes a loop"),
-        (
-            '<tendon><fixed name="t"><joint joint="left" coef="1"/><joint joint="right" coef="1"/>'
-            '<joint joint="third" coef="1"/></fixed></tendon><equality><tendon tendon1="t"/></equality>',
-            "leave none of them a single leader",
-        ),
     ],
 )
 def test_what_is_not_kept_is_logged_where_it_matters(equalities, told, caplog):

@@ -1,0 +1,67 @@
+"""Linear limits of the joints: of one's own, and those that come with a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from maira_qp.arrays import is_listing, real_array
+from maira_qp.errors import OptionError, shown
+from maira_qp.problem.limits.joint import KEPT, Limit, Tick
+from maira_qp.problem.naming import check_name
+from maira_qp.robots.model.configuration import Configuration
+from maira_qp.robots.model.joint_limits import sum_rows
+from maira_qp.robots.model.robot import Robot
+
+
+@dataclass(frozen=True)
+class LinearLimit(Limit):
+    """`A q <= b`, A (m, n), b (m,): coupled joints, as in a parallelogram arm whose q2 + q3 is limited."""
+
+    A: Any
+    b: Any
+    names: Sequence[str] | None = None
+    """What results call the m rows; None: "LinearLimit row 1" and so on."""
+    name: str | None = field(default=None, kw_only=True)
+    """What calls and messages call the limit by; None: "linear_limit"."""
+    is_linear: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        A = real_array(self.A, (None, None), "A of a LinearLimit", OptionError)
+        b = real_array(self.b, (A.shape[0],), "b of a LinearLimit", OptionError)
+        object.__setattr__(self, "A", A)
+        object.__setattr__(self, "b", b)
+        check_name(self.name, self)
+        if self.names is not None:
+            names = tuple(self.names) if is_listing(self.names) else ()
+            if len(names) != len(b) or not all(isinstance(name, str) for name in names):
+                raise OptionError(f"names of a LinearLimit must be {len(b)} texts, one a row, got {shown(self.names)}")
+            object.__setattr__(self, "names", names)
+
+    def of(self, robot: Robot) -> LinearLimit:
+        """The same, with its columns counted."""
+        if self.A.shape[1] != robot.n:
+            raise OptionError(f"A of a LinearLimit needs {robot.n} columns, one a joint, not {self.A.shape[1]}")
+        return self
+
+    def rows(self, at: Configuration, tick: Tick | None) -> tuple[Any, Any]:
+        """What is left of b, negative where a row is broken."""
+        return self.A, self.b - self.A @ at.q
+
+    def broken(self, at: Configuration, name: str) -> dict[str, float]:
+        """The rows that are broken, by their names, and by how much."""
+        left = self.b - self.A @ at.q
+        called = [f"{name} row {i + 1}" if len(left) > 1 else name for i in range(len(left))]
+        return {row: -float(amount) for row, amount in zip(self.names or called, left, strict=True) if amount < -KEPT}
+
+    def named_rows(self, count: int) -> list[tuple[str, str]]:
+        """What each of `count` rows is called: its name."""
+        return super().named_rows(count) if self.names is None else [(name, "") for name in self.names]
+
+
+def limits_of_robot(robot: Robot) -> tuple[LinearLimit, ...]:
+    """The hard limits that a robot brings with it beside those of single joints: one, or none."""
+    if not robot.sum_limits:
+        return ()
+    return (LinearLimit(*sum_rows(robot.sum_limits, robot.joint_names), name="sum_limits"),)
