@@ -204,6 +204,14 @@ class Limit:
         """The same for each part of the limit (k,), at all configurations as many: a tick lets none grow."""
         return np.array([self.violation(at)])
 
+    def rooms(self, at: Configuration) -> np.ndarray:
+        """What is left of each of these parts (k,), negative where it is broken; inf where no row is about it."""
+        missing, parts = self.violations(at), self.parts(at)
+        rooms = np.where(missing > 0, -missing, np.inf)
+        if (rows := self.rows(at, None)) is not None:
+            np.minimum.at(rooms, parts, np.where(missing[parts] > 0, np.inf, rows[1]))
+        return rooms
+
     def parts(self, at: Configuration) -> np.ndarray:
         """Which of `violations` each row (m,) of no tick is about: its `h` is at least minus that."""
         rows = self.rows(at, None)

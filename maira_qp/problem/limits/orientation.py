@@ -13,7 +13,14 @@ from maira_qp.arrays import is_listing, is_number
 from maira_qp.errors import OptionError, listed, shown
 from maira_qp.problem.aims import along, posed
 from maira_qp.problem.limits.placement import Ranges, TargetLimit
-from maira_qp.problem.limits.turning import angle, tilt, turn_about_z
+from maira_qp.problem.limits.turning import (
+    angle,
+    angle_derivatives,
+    tilt,
+    tilt_derivatives,
+    turn_about_z,
+    turn_derivatives,
+)
 from maira_qp.problem.naming import DIRECTION, POSE
 from maira_qp.problem.pose import as_pose, unit_vector
 
@@ -85,24 +92,25 @@ class PoseRange(TargetLimit):
         """Those of the position."""
         return int(self._places.bounded.sum())
 
-    def room(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
+    def room(self, T: pin.SE3) -> np.ndarray:
         """The distance from each finite end (m,) [m, then rad]."""
-        E = self._axes
-        D = np.zeros((3, 6))
-        D[:, :3] = E.T
-        h, rows = self._places.room(E.T @ (T.translation - self.aim.translation), D)
+        h = self._places.room(self._axes.T @ (T.translation - self.aim.translation))
+        return np.concatenate([h, self._turns.room(self._deviation(T))]) if self._turns.bounded.any() else h
+
+    def slope(self, T: pin.SE3) -> np.ndarray:
+        """Of the position (m, 6), and of the orientation."""
+        zero = np.zeros((3, 3))
+        rows = self._places.slope(np.hstack([self._axes.T, zero]))
         if not self._turns.bounded.any():
-            return h, rows
-        x, first, _ = self._turned(T)
-        D = np.hstack([np.zeros((3, 3)), first])
-        more, below = self._turns.room(x, D)
-        return np.concatenate([h, more]), np.concatenate([rows, below])
+            return rows
+        first, _ = self._derivatives(T)
+        return np.concatenate([rows, self._turns.slope(np.hstack([zero, first]))])
 
     def bend(self, T: pin.SE3, y: np.ndarray) -> np.ndarray:
         """Of the orientation's rows alone (6, 6)."""
         S = np.zeros((6, 6))
         if y[self.metres :].any():
-            S[3:, 3:] = np.tensordot(self._turns.pull(y[self.metres :]), self._turned(T)[2], 1)
+            S[3:, 3:] = np.tensordot(self._turns.pull(y[self.metres :]), self._derivatives(T)[1], 1)
         return S
 
     @property
@@ -110,19 +118,29 @@ class PoseRange(TargetLimit):
         """The axes (3, 3) of the deviation, in columns, in the base."""
         return self.aim.rotation if self.axes == "target" else np.eye(3)
 
-    def _turned(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The tilts and the turn (3,) in the order of the axes, and their derivatives (3, 3) and (3, 3, 3)."""
+    def _turned(self, T: pin.SE3) -> tuple[list[int], np.ndarray, np.ndarray]:
+        """The axes in an order in which the turn is about the last one, these (3, 3) in columns, and the turn there."""
         k = AXES.index(self.about)
         order = [(k + 1) % 3, (k + 2) % 3, k]
-        E = self._axes[:, order]  # the turn is about the last of these
-        Q = E.T @ T.rotation @ self.aim.rotation.T @ E
-        x, first, second = np.empty(3), np.empty((3, 3)), np.empty((3, 3, 3))
-        x[order[:2]], first[order[:2]], second[order[:2]] = tilt(Q[:, 2])
-        x[k], first[k], second[k] = turn_about_z(Q)
-        if self._turns.bounded[0, k]:
-            middle = float(self._turns.ends[:, k].mean())
-            x[k] = middle + math.remainder(x[k] - middle, math.tau)
-        return x, first @ E.T, E @ second @ E.T
+        E = self._axes[:, order]
+        return order, E, E.T @ T.rotation @ self.aim.rotation.T @ E
+
+    def _deviation(self, T: pin.SE3) -> np.ndarray:
+        """The tilts and the turn (3,) [rad] in the order of the axes."""
+        order, _, Q = self._turned(T)
+        x, k = np.empty(3), order[2]
+        x[order[:2]], turn = tilt(Q[:, 2]), turn_about_z(Q)
+        middle = float(self._turns.ends[:, k].mean()) if self._turns.bounded[0, k] else turn
+        x[k] = middle + math.remainder(turn - middle, math.tau)
+        return x
+
+    def _derivatives(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
+        """The derivatives (3, 3) and (3, 3, 3) of the deviation."""
+        order, E, Q = self._turned(T)
+        first, second = np.empty((3, 3)), np.empty((3, 3, 3))
+        first[order[:2]], second[order[:2]] = tilt_derivatives(Q[:, 2])
+        first[order[2]], second[order[2]] = turn_derivatives(Q)
+        return first @ E.T, E @ second @ E.T
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -177,19 +195,23 @@ class ConeLimit(TargetLimit):
         """None: an angle."""
         return 0
 
-    def room(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
+    def room(self, T: pin.SE3) -> np.ndarray:
         """What is left of the angle (1,)."""
-        theta, first, _ = self._angle(T)
+        return np.array([self.angle - angle(*self._directions(T))])
+
+    def slope(self, T: pin.SE3) -> np.ndarray:
+        """Of the angle (1, 6)."""
         D = np.zeros((1, 6))
-        D[0, 3:] = -first
-        return np.array([self.angle - theta]), D
+        D[0, 3:] = -angle_derivatives(*self._directions(T))[0]
+        return D
 
     def bend(self, T: pin.SE3, y: np.ndarray) -> np.ndarray:
         """Of the angle (6, 6)."""
         S = np.zeros((6, 6))
-        S[3:, 3:] = -y[0] * self._angle(T)[2]
+        S[3:, 3:] = -y[0] * angle_derivatives(*self._directions(T))[1]
         return S
 
-    def _angle(self, T: pin.SE3) -> tuple[float, np.ndarray, np.ndarray]:
+    def _directions(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
+        """That of the axis (3,), and the one that it stays near."""
         direction = self.aim.rotation @ self.axis if self.direction is None else self.direction
-        return angle(T.rotation @ self.axis, direction)
+        return T.rotation @ self.axis, direction

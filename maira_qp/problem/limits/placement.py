@@ -1,6 +1,6 @@
 """Limits of where a frame is: each row is the room h(T) >= 0 that the pose T of the frame leaves.
 
-With the twist [v; w] of the frame in base axes and `D = dh/d[p; phi]`, phi the rotation vector of a turn from here,
+With the twist [v; w] of the frame in base axes and its slope `D = dh/d[p; phi]`, phi the rotation vector of a turn from here,
 
     G = -D J,      dG weighted by y:  -(pose's second derivative weighted by D^T y) - J^T S J
 
@@ -94,8 +94,12 @@ class PlacementLimit(FrameLimit):
         return replace(limit, _gain=braking_gain(robot))
 
     @abstractmethod
-    def room(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
-        """What a pose leaves (m,) [m or rad], and how that changes with its twist D (m, 6), base axes."""
+    def room(self, T: pin.SE3) -> np.ndarray:
+        """What a pose leaves (m,) [m or rad]."""
+
+    @abstractmethod
+    def slope(self, T: pin.SE3) -> np.ndarray:
+        """How that changes with the twist of the pose, D (m, 6), base axes."""
 
     def bend(self, T: pin.SE3, y: np.ndarray) -> np.ndarray:
         """Second derivative (6, 6) of `y . room`, y (m,), by [p; phi] of the pose."""
@@ -115,21 +119,28 @@ class PlacementLimit(FrameLimit):
         """G (m, n) and h (m,), h negative where the frame is outside."""
         kept = at.kept.get((id(self), "rows"))
         if kept is None:
-            h, D = self.room(self.actual(at))
-            kept = at.kept[id(self), "rows"] = (self, (-D @ at.jacobian(self.frame, self.offset), h))
+            G = -self.slope(self.actual(at)) @ at.jacobian(self.frame, self.offset)
+            kept = at.kept[id(self), "rows"] = (self, (G, self.rooms(at)))
         G, h = kept[1]
         if tick is None or self._gain == math.inf:
             return G, h
         share = self._gain * tick.dt / (1 + self._gain * tick.dt)
         return G, np.where(h > 0, share * h, h)
 
+    def rooms(self, at: Configuration) -> np.ndarray:
+        """What the configuration leaves of each row (m,) [m or rad]."""
+        kept = at.kept.get((id(self), "rooms"))
+        if kept is None:
+            kept = at.kept[id(self), "rooms"] = (self, self.room(self.actual(at)))
+        return kept[1]
+
     def violation(self, at: Configuration) -> float:
         """By how much the frame is outside [m or rad]; >= 0."""
-        return max(0.0, -float(self.rows(at, None)[1].min(initial=0.0)))
+        return max(0.0, -float(self.rooms(at).min(initial=0.0)))
 
     def violations(self, at: Configuration) -> np.ndarray:
         """The same of each row (m,)."""
-        return np.maximum(-self.rows(at, None)[1], 0.0)
+        return np.maximum(-self.rooms(at), 0.0)
 
     def residual(self, at: Configuration) -> tuple[float, float]:
         """By how much the frame is outside, the norm of the rows in metres and of those in rad."""
@@ -145,12 +156,12 @@ class PlacementLimit(FrameLimit):
         if not multipliers.any():
             return np.zeros((at.n, at.n))
         T, J = self.actual(at), at.jacobian(self.frame, self.offset)
-        pull, S = multipliers @ self.room(T)[1], self.bend(T, multipliers)
+        pull, S = multipliers @ self.slope(T), self.bend(T, multipliers)
         return -at.kinematic_hessian_product(self.frame, pull, self.offset) - J.T @ S @ J
 
     def broken(self, at: Configuration, name: str) -> dict[str, float]:
         """The rows that are broken, such as "BoxLimit x upper", and by how much [m or rad]."""
-        h = self.rows(at, None)[1]
+        h = self.rooms(at)
         return {_joined(name, label): -float(left) for label, left in zip(self.labels, h, strict=True) if left < -KEPT}
 
     def named_rows(self, count: int) -> list[tuple[str, str]]:
@@ -238,11 +249,15 @@ class Ranges:
             for name in compress(names, bounded)
         )
 
-    def room(self, x: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What values x (3,) leave of each finite end (m,), and its derivatives (m, k) from those of x (3, k)."""
+    def room(self, x: np.ndarray) -> np.ndarray:
+        """What values x (3,) leave of each finite end (m,)."""
         low, high = self.bounded
-        h = np.concatenate([(x - self.ends[0])[low], (self.ends[1] - x)[high]])
-        return h, np.concatenate([D[low], -D[high]])
+        return np.concatenate([(x - self.ends[0])[low], (self.ends[1] - x)[high]])
+
+    def slope(self, D: np.ndarray) -> np.ndarray:
+        """How that changes (m, k), from the derivatives of x (3, k)."""
+        low, high = self.bounded
+        return np.concatenate([D[low], -D[high]])
 
     def pull(self, y: np.ndarray) -> np.ndarray:
         """Weights y (m,) of the rows as weights of x (3,)."""

@@ -54,11 +54,13 @@ class HalfSpaceLimit(PlacementLimit):
         """One row."""
         return ("",)
 
-    def room(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
+    def room(self, T: pin.SE3) -> np.ndarray:
         """The distance from the plane (1,)."""
-        D = np.zeros((1, 6))
-        D[0, :3] = self.normal
-        return np.array([self.normal @ (T.translation - self.point)]), D
+        return np.array([self.normal @ (T.translation - self.point)])
+
+    def slope(self, T: pin.SE3) -> np.ndarray:
+        """Along the normal (1, 6)."""
+        return np.concatenate([self.normal, np.zeros(3)])[None]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -98,11 +100,13 @@ class BoxLimit(PlacementLimit):
         """A row for each finite end."""
         return self._ranges.labels("xyz")
 
-    def room(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
+    def room(self, T: pin.SE3) -> np.ndarray:
         """The distance from each finite end (m,)."""
-        D = np.zeros((3, 6))
-        D[:, :3] = self.pose.rotation.T
-        return self._ranges.room(D[:, :3] @ (T.translation - self.pose.translation), D)
+        return self._ranges.room(self.pose.rotation.T @ (T.translation - self.pose.translation))
+
+    def slope(self, T: pin.SE3) -> np.ndarray:
+        """Along the axes of the box (m, 6)."""
+        return self._ranges.slope(np.hstack([self.pose.rotation.T, np.zeros((3, 3))]))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -157,13 +161,14 @@ class DistanceLimit(TargetLimit):
         low, high = self._ends
         return ("lower",) * int(low > 0) + ("upper",) * int(high < math.inf)
 
-    def room(self, T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
+    def room(self, T: pin.SE3) -> np.ndarray:
         """The distance from each end (m,)."""
-        distance, away = self._away(T)
-        signs, ends = self._signs, np.array([end for end in self._ends if 0 < end < math.inf])
-        D = np.zeros((len(signs), 6))
-        D[:, :3] = np.outer(signs, away)
-        return signs * (distance - ends), D
+        ends = np.array([end for end in self._ends if 0 < end < math.inf])
+        return self._signs * (self._away(T)[0] - ends)
+
+    def slope(self, T: pin.SE3) -> np.ndarray:
+        """Away from the point, or toward it (m, 6)."""
+        return np.outer(self._signs, np.concatenate([self._away(T)[1], np.zeros(3)]))
 
     def bend(self, T: pin.SE3, y: np.ndarray) -> np.ndarray:
         """`(I - u u^T) / distance`, for each row (6, 6)."""

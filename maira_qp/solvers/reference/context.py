@@ -161,6 +161,10 @@ class Context:
         """By how much a configuration breaks each part of them (k,); >= 0."""
         return np.concatenate([limit.violations(at) for limit in self._bent])
 
+    def rooms(self, at: Configuration) -> np.ndarray:
+        """What a configuration leaves of each part of them (k,), negative where it is broken; inf where none is near."""
+        return np.concatenate([limit.rooms(at) for limit in self._bent])
+
     def rows_within(self, at: Configuration, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """G (m, n) and h (m,) that keep each part of them broken by at most what is `allowed` (k,), to first order."""
         G, h, start = [np.empty((0, at.n))], [np.empty(0)], 0

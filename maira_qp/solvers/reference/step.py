@@ -78,7 +78,7 @@ CORRECTIONS = 2
 """Times that bent limits are linearised anew to correct a step."""
 
 GLANCES = 8
-"""Configurations on the way to a stop at which bent limits are looked at."""
+"""Configurations on the way to a stop at which bent limits are looked at first."""
 
 SAME = 1e-10
 """Growth of a violation that counts as none, since distances are known to some rounding [m]."""
@@ -476,19 +476,57 @@ def _violations_ahead(at: Configuration, dq: np.ndarray, context: Context, now: 
     change, size = context.robot.acceleration_limit * now.dt**2, np.abs(dq)
     stop = size / change  # in ticks
     ticks, whole = int(np.max(stop, initial=0.0)), np.floor(stop)
-    here = context.violations(at)
     if ticks == 0:
-        yield here
+        yield context.violations(at)
         return
-    glances = np.unique(np.linspace(0, ticks, GLANCES + 1).astype(int).clip(min=1))
     change = np.where(whole > 0, change, 0.0)
-    braking = [np.minimum(i, whole) for i in glances]
-    apart = [np.sign(dq) * np.where(k > 0, k * (size - 0.5 * change * (k + 1)), 0.0) for k in braking]
-    yield np.max([here, *(context.violations(at.moved(way)) for way in apart)], axis=0)
-    together = [dq * (i - i * (i + 1) / (2 * np.max(stop))) for i in glances]
-    q = context.robot.kinematics.integrate(at.q, together[-1])
+
+    def apart(tick: int) -> np.ndarray:
+        k = np.minimum(tick, whole)
+        return np.sign(dq) * np.where(k > 0, k * (size - 0.5 * change * (k + 1)), 0.0)
+
+    def together(tick: int) -> np.ndarray:
+        return dq * (tick - tick * (tick + 1) / (2 * np.max(stop)))
+
+    yield _violations_along(apart, ticks, at, context)
+    q = context.robot.kinematics.integrate(at.q, together(ticks))
     if (context.robot.lower <= q).all() and (q <= context.robot.upper).all():
-        yield np.max([here, *(context.violations(at.moved(way)) for way in together)], axis=0)
+        yield _violations_along(together, ticks, at, context)
+
+
+def _violations_along(way: Callable[[int], np.ndarray], ticks: int, at: Configuration, context: Context) -> np.ndarray:
+    """The most by which each part (k,) of the bent limits is broken from a configuration on, `way` (n,) by the tick.
+
+    Looked at are some ticks, and between these the ones about the least room, where it is so small that the way may
+    bend beyond the limit in between.
+    """
+    rooms: dict[int, np.ndarray] = {}
+    further = {int(tick) for tick in np.linspace(0, ticks, GLANCES + 1)}
+    while further:
+        rooms.update((tick, context.rooms(at.moved(way(tick)) if tick else at)) for tick in further)
+        seen = np.array(sorted(rooms))
+        further = set(_between(seen, np.array([rooms[tick] for tick in seen])))
+    return np.maximum(-np.min(list(rooms.values()), axis=0), 0.0)
+
+
+def _between(ticks: np.ndarray, rooms: np.ndarray) -> Iterator[int]:
+    """The ticks halfway to the neighbours of the one with the least room, of rooms (t, k) at ticks (t,).
+
+    For each part whose least room is smaller than eight times what it may lose between two ticks if it changes as
+    unevenly as from one of the neighbours to the other.
+    """
+    if len(ticks) < 3:
+        return
+    rooms = np.minimum(rooms, np.max(rooms, where=np.isfinite(rooms), initial=0.0))
+    least, most = np.argmin(rooms, axis=0), rooms.min(axis=0)
+    middle, each = np.clip(least, 1, len(ticks) - 2), np.arange(rooms.shape[1])
+    before, after = np.diff(ticks)[middle - 1], np.diff(ticks)[middle]
+    change = np.diff(rooms, axis=0)
+    uneven = np.abs(change[middle, each] / after - change[middle - 1, each] / before) * np.maximum(before, after)
+    for i in set(least[(most > 0) & (most < uneven)]):
+        for k in {max(i - 1, 0), min(i, len(ticks) - 2)}:
+            if ticks[k + 1] - ticks[k] > 1:
+                yield int(ticks[k] + ticks[k + 1]) // 2
 
 
 def _with_a_way_to_stop(bounds: Bounds, at: Configuration, context: Context, now: Tick) -> Bounds:

@@ -86,6 +86,23 @@ def test_ticks_stay_within_the_limit_and_slide_along_it(name, acceleration, kind
         assert t.status in (mq.StepStatus.NEAREST, mq.StepStatus.ARRIVED)
 
 
+def test_no_tick_of_a_long_way_to_a_stop_is_outside(maira):
+    """Joints that stop one after another: the way to a stop bends the most between ticks that are looked at first."""
+    robot, rng = maira.limited(acceleration=10.0), np.random.default_rng(1)
+    q, v = rng.uniform(robot.lower, robot.upper), np.zeros(robot.n)
+    centre = robot.forward(q).translation
+    solver = mq.Solver(robot, limits=[mq.DistanceLimit(point=centre, upper=0.15)])
+    for leg in range(2):
+        target = robot.forward(rng.uniform(robot.lower, robot.upper))
+        if rng.random() < 0.5:
+            target = robot.forward(q)
+            target.translation += 0.5 * rng.normal(size=3)
+        for _ in range(60 - 30 * leg):
+            t = solver.step(q, target, 0.01, velocity=v)
+            q, v = t.q, t.velocity
+            assert np.linalg.norm(robot.forward(q).translation - centre) <= 0.15 + 1e-9
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", ["maira", "tiago"])
 def test_ticks_come_back_from_outside(name, kind, rng):

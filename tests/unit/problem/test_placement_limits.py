@@ -89,10 +89,10 @@ def test_a_yaw_is_a_turn_about_the_z_of_the_target_whatever_the_tilt(maira, rng)
         tilt, yaw = rng.uniform(-1.2, 1.2, 2), rng.uniform(-3.1, 3.1)
         Q = turn(np.array([*tilt, 0.0])) @ turn(yaw * Z)
         assert np.allclose(tilt_and_yaw(Q)[0], tilt)
-        from_lower_ends, _ = limit.room(mq.pose(matrix=T.rotation @ Q))
+        from_lower_ends = limit.room(mq.pose(matrix=T.rotation @ Q))
         assert np.allclose(from_lower_ends[:3] - ends, [*tilt, yaw], atol=1e-12)
     for vector in np.eye(3):  # about one axis all three are the rotation vector
-        from_lower_ends, _ = limit.room(mq.pose(matrix=T.rotation @ turn(0.7 * vector)))
+        from_lower_ends = limit.room(mq.pose(matrix=T.rotation @ turn(0.7 * vector)))
         assert np.allclose(from_lower_ends[:3] - ends, 0.7 * vector, atol=1e-12)
 
 
@@ -104,7 +104,7 @@ def test_ranges_are_measured_in_the_axes_that_are_named(axes):
     for about, axis in zip("xyz", np.eye(3), strict=True):
         limit = mq.PoseRange(target=T, position=1.0, orientation=[1.0, 1.0, 1.0], axes=axes, about=about)
         moved = mq.pose(T.translation + E @ (0.3 * axis), matrix=turn(E @ (0.3 * axis)) @ T.rotation)
-        h, _ = limit.room(moved)
+        h = limit.room(moved)
         room = dict(zip(limit.labels, h, strict=True))
         assert room[f"{about} upper"] == pytest.approx(0.7)
         assert room[f"{about} lower"] == pytest.approx(1.3)
@@ -118,10 +118,10 @@ def test_ends_may_be_open_and_ranges_may_cross_half_a_turn():
     assert mq.PoseRange(target=mq.pose(), position=open_ends).labels == ("z lower", "z upper")
     sided = mq.PoseRange(target=mq.pose(), orientation=([-np.inf] * 3, [np.inf, 0.1, 0.2]))
     assert sided.labels == ("about z lower", "about y upper", "about z upper")
-    assert sided.room(mq.pose(rpy=[0, 0, -3.0]))[0] == pytest.approx([np.pi - 3.0, 0.1, 3.2])
+    assert sided.room(mq.pose(rpy=[0, 0, -3.0])) == pytest.approx([np.pi - 3.0, 0.1, 3.2])
     across = mq.PoseRange(target=mq.pose(), orientation=([-np.inf, -np.inf, 2.967], [np.inf, np.inf, 3.316]))
-    assert (across.room(mq.pose(rpy=[0, 0, -3.05]))[0] > 0).all()
-    assert across.room(mq.pose(rpy=[0, 0, -2.9]))[0].min() == pytest.approx(3.316 - (2 * np.pi - 2.9))
+    assert (across.room(mq.pose(rpy=[0, 0, -3.05])) > 0).all()
+    assert across.room(mq.pose(rpy=[0, 0, -2.9])).min() == pytest.approx(3.316 - (2 * np.pi - 2.9))
     free = mq.PoseRange(target=mq.pose(), orientation=[0.1, 0.1, np.pi])
     assert free.labels == ("about x lower", "about y lower", "about x upper", "about y upper")
 
@@ -129,7 +129,7 @@ def test_ends_may_be_open_and_ranges_may_cross_half_a_turn():
 def test_ranges_of_no_width_are_as_exact_as_a_pose_that_is_reached():
     """1e-6 to either side."""
     limit = mq.PoseRange(target=mq.pose(), position=[0, 0.1, 0.1], orientation=[0, 0.1, 0.1])
-    h = dict(zip(limit.labels, limit.room(mq.pose())[0], strict=True))
+    h = dict(zip(limit.labels, limit.room(mq.pose()), strict=True))
     assert h["x lower"] == h["x upper"] == h["about x lower"] == h["about x upper"] == 1e-6
 
 
