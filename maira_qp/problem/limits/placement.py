@@ -1,6 +1,6 @@
 """Limits of where a frame is: each row is the room h(T) >= 0 that the pose T of the frame leaves.
 
-With the twist [v; w] of the frame in base axes and its slope `D = dh/d[p; phi]`, phi the rotation vector of a turn from here,
+With the twist [v; w] of the frame in base axes and the slope `D = dh/d[p; phi]`, phi the rotation vector of a turn,
 
     G = -D J,      dG weighted by y:  -(pose's second derivative weighted by D^T y) - J^T S J
 

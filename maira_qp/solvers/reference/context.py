@@ -162,7 +162,7 @@ class Context:
         return np.concatenate([limit.violations(at) for limit in self._bent])
 
     def rooms(self, at: Configuration) -> np.ndarray:
-        """What a configuration leaves of each part of them (k,), negative where it is broken; inf where none is near."""
+        """What is left of each part of them (k,), negative where it is broken; inf where none is near."""
         return np.concatenate([limit.rooms(at) for limit in self._bent])
 
     def rows_within(self, at: Configuration, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
