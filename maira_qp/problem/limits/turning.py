@@ -27,7 +27,7 @@ TINY = 1e-9
 
 
 def tilt(a: np.ndarray) -> np.ndarray:
-    """The tilt (2,) [rad] about x and y that takes z to the unit vector a (3,); at half a turn any direction is right."""
+    """The tilt (2,) [rad] about x and y that takes z to the unit vector a (3,); any, of half a turn."""
     x, y, _ = a.tolist()
     ratio, _, _ = _angle_by_sine(a)
     return np.array([-ratio * y, ratio * x])  # k x a = (-a_y, a_x)
