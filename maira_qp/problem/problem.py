@@ -92,6 +92,21 @@ class Problem:
         box = ChangeBox(self.robot, start, change)
         return replace(self, robot=box.boxed, box=box)
 
+    @cached_property
+    def tool(self) -> pin.SE3 | None:
+        """Where in the tip of the chain the only task of the first level is about; None: it is the tip, or another."""
+        task = self.tasks[0] if len(self.tasks) == 1 else None
+        if not isinstance(task, FrameTask) or not self.robot.is_chain or task.frame != self.robot.tip:
+            return None
+        return task.offset  # type: ignore[no-any-return]
+
+    def of_tool(self, robot: Robot) -> Problem:
+        """The same problem of the same arm with the `tool`: its only task is that of the tip, with no offset."""
+        (task,) = self.tasks
+        of_tip = replace(task, name=task.key, frame=robot.tip, offset=None)  # type: ignore[call-arg]
+        parts = [of_tip if each is task else each for each in self.hierarchy.parts]
+        return replace(self, robot=robot, hierarchy=TaskHierarchy.of_parts(parts))
+
     def of_first_level(self) -> Problem:
         """The same without a redundancy and without tasks below those of the first level."""
         return replace(self, hierarchy=TaskHierarchy.of_parts(self.tasks), redundancy=None, wishes=())

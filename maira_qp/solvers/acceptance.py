@@ -158,11 +158,12 @@ class _Search:
         from maira_qp.analytic.srs.optimum import SampledArcs
         from maira_qp.problem.objectives import Posture
 
-        robot, task = self.engines.problem.robot, self.engines.problem.tasks[0]
+        problem = self.engines.of_tip.problem
+        robot, task = problem.robot, problem.tasks[0].toward(self.targets.poses())
         srs = SRS.of(robot) if isinstance(task, PoseTask) and task.kept.all() else None
         if srs is None:
             return None
-        sampled = SampledArcs.of(srs, self.targets.poses()[robot.tip], Posture(self.reference).of(robot))
+        sampled = SampledArcs.of(srs, task.target, Posture(self.reference).of(robot))
         return np.clip(sampled.q, robot.lower, robot.upper)
 
     def _value(self, q: np.ndarray) -> float:

@@ -29,6 +29,7 @@ from maira_qp.results.solution import Solution, solution_of
 from maira_qp.results.status import status_of
 from maira_qp.results.step import Step, step_of
 from maira_qp.results.trajectory import Trajectory
+from maira_qp.robots.model.edits import unused
 from maira_qp.solvers.analysis.sensitivity import dq_dtarget
 from maira_qp.solvers.reference.context import Context
 from maira_qp.solvers.reference.engine import ReferenceEngine, residual
@@ -209,10 +210,28 @@ class Engines:
         return self if problem is self.problem else self.with_problem(problem)
 
     @cached_property
+    def of_tip(self) -> Engines:
+        """The engines of the same problem where its only task is that of the tip: an offset is that of a tool.
+
+        Where the task has none they are these. What is known of the tip alone (the closed form, proofs, paths, the
+        compiled engine) is asked of these.
+        """
+        problem, donor = self.problem, self.donor
+        if problem.tool is None:
+            return self
+        if donor is not None and donor.problem.robot is problem.robot and donor.problem.tool is problem.tool:
+            donor = donor.of_tip
+            return Engines(problem.of_tool(donor.problem.robot), self.backend, self.is_compiled_wanted, donor)
+        robot = problem.robot.with_tool(problem.tool, unused("tool", problem.robot.frames))
+        return Engines(problem.of_tool(robot), self.backend, self.is_compiled_wanted)
+
+    @cached_property
     def _unsupported(self) -> str:
         """Why the compiled engine cannot solve the problem, its additional limits aside; empty: it can."""
         if not self.is_compiled_wanted:
             return ASKED
+        if self.of_tip is not self:
+            return self.of_tip._unsupported
         if self._differs_in_limits_alone:
             return self.donor._unsupported  # type: ignore[union-attr]
         from maira_qp.solvers.compiled.problem_arrays import unsupported  # heavy: Numba comes with it
@@ -247,6 +266,8 @@ class Engines:
         """Solves the problem but for its additional limits, if it can."""
         if self._unsupported:
             return None
+        if self.of_tip is not self:
+            return self.of_tip.compiled
         from maira_qp.solvers.compiled.engine import Compiled
 
         given = None if self.donor is None else self.donor.compiled
@@ -446,9 +467,10 @@ class Engines:
         from maira_qp.solvers.paths.free_axis import free_axis, with_joint
 
         if self.compiled is not None:
-            return self.with_problem(self.problem.of_first_level())
-        axis = None if self.refusal == ASKED else free_axis(self.problem)
-        return None if axis is None else Engines.build(with_joint(self.problem, axis))
+            return self.with_problem(self.problem.of_first_level()).of_tip
+        problem = self.of_tip.problem
+        axis = None if self.refusal == ASKED else free_axis(problem)
+        return None if axis is None else Engines.build(with_joint(problem, axis))
 
     @property
     def path_refusal(self) -> str:
@@ -466,7 +488,7 @@ class Engines:
         """Follow the path of N targets, from a start (n,) or any, by some rules, if `path_refusal` is empty."""
         from maira_qp.solvers.paths.track import track  # heavy: Numba comes with it
 
-        return track(self, targets, q0, seed, rules, progress)
+        return replace(track(self.of_tip, targets, q0, seed, rules, progress), _origin=self)
 
     def timed(self, path: PathSolution, **limits: Any) -> Trajectory:
         """A path with times. Raises `OptionError`."""
@@ -530,7 +552,7 @@ class Engines:
     def _proof(self, poses: Poses) -> Proof | None:
         from maira_qp.solvers.certificates import Proofs  # heavy: Numba comes with it
 
-        proofs = Proofs.build(self.problem)
+        proofs = Proofs.build(self.of_tip.problem)
         return None if proofs is None else proofs.proof(poses)
 
     def path_proof(self, path: PathSolution) -> Proof | PathProof | None:
@@ -542,7 +564,7 @@ class Engines:
             return None
         if not path.success[k]:
             return self._proof(poses_of(self.problem.target_keys, path._targets[k][None]))
-        return proof_of(self.problem, path)
+        return proof_of(self.of_tip.problem, path)
 
     def _poses(self, solution: Solution) -> Poses:
         return poses_of(self.problem.target_keys, solution._target)

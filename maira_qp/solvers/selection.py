@@ -131,8 +131,8 @@ def closest(by_distance: Engines, targets: Targets, posture: Posture, seed: np.n
     """
     from maira_qp.solvers.enumeration.all_solutions import nearest_solution  # heavy: Numba comes with it
 
-    q0, poses, engine = posture.q_ref, targets.poses(), by_distance.reference
-    q = nearest_solution(engine.context, by_distance.compiled, targets, posture, seed)
+    q0, poses, of_tip = posture.q_ref, targets.poses(), by_distance.of_tip
+    q = nearest_solution(of_tip.context, of_tip.compiled, targets, posture, seed)
     near = by_distance.solve(poses, q0, seed)
     if q is None:
         return near

@@ -417,7 +417,7 @@ class Solver(Shown):
             solver.engines.of_solves.with_obstacles(None), target, None, None, in_frame, base
         )
         targets = engines.problem.target(target)
-        redundancy, engine = engines.problem.redundancy, engines.about(targets).reference
+        redundancy, engine = engines.problem.redundancy, engines.about(targets).of_tip.reference
         objective = Posture() if redundancy is None else redundancy.objectives[0]
         words = _words_of(rng, seed)
         return all_solutions(engine.context, engine.compiled, targets, objective.of(solver.robot), words)

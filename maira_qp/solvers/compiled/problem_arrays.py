@@ -57,8 +57,6 @@ def unsupported(problem: Problem) -> str:
         return "its task is none of PoseTask(), PositionTask() and OrientationTask() with a target from the call"
     if not task.is_even:
         return "the axes of its task count differently"
-    if task.offset is not None:
-        return "its task is about an offset in its frame"
     if task.frame != robot.tip:
         return "its task is not the tip's"
     return "" if robot.is_chain else "the robot is no single chain of independent joints"

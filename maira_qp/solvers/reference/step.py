@@ -31,12 +31,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maira_qp.problem.limits.joint import Bounds, Tick, slowed_together, stopping_displacement
+from maira_qp.problem.limits.joint import Bounds, Tick, stopping_displacement
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.options import Options
 from maira_qp.problem.qp.costs import LevelObjective, TaskCost
@@ -59,6 +59,7 @@ from maira_qp.solvers.reference.step_models import (
     is_near,
     tick_models,
 )
+from maira_qp.solvers.reference.stopping import violations_ahead, with_a_way_to_stop
 
 HALVINGS = 12
 
@@ -76,9 +77,6 @@ ROUNDING = 1e-14
 
 CORRECTIONS = 2
 """Times that bent limits are linearised anew to correct a step."""
-
-GLANCES = 8
-"""Configurations on the way to a stop at which bent limits are looked at first."""
 
 SAME = 1e-10
 """Growth of a violation that counts as none, since distances are known to some rounding [m]."""
@@ -150,7 +148,7 @@ def tick(
     end = None if deadline is None else time.monotonic() + deadline
     if isinstance(redundancy, Weighted) and redundancy.fading:
         redundancy = redundancy.faded(cost.gradient(at), redundancy.objective.gradient(at))
-    robot, bounds = context.robot, _with_a_way_to_stop(context.bounds(at, now), at, context, now)
+    robot, bounds = context.robot, with_a_way_to_stop(context.bounds(at, now), at, context, now)
     models = _models(cost, redundancy, at, context, now, bounds)
     if keep_direction:
         first = _paced(LevelObjective(cost, _weighted(redundancy)), now.dt)
@@ -256,7 +254,7 @@ def keeps_further_limits(
         if rows is not None and (is_near(rows, step).any() or not (rows[0] @ dq <= rows[1]).all()):
             return False
     return not context.is_bent or any(
-        not broken.any() for broken in _violations_ahead(context.robot.at(ahead), dq, context, now)
+        not broken.any() for broken in violations_ahead(context.robot.at(ahead), dq, context, now)
     )
 
 
@@ -401,7 +399,7 @@ def _safe(
     there = at.moved(dq) if dq.any() else at
     broken, most_loss = None, math.inf if now is None else 1.0
     if context.is_bent and now is not None:
-        broken = np.maximum(context.violations(at), min(_violations_ahead(there, dq, context, now), key=np.sum))
+        broken = np.maximum(context.violations(at), min(violations_ahead(there, dq, context, now), key=np.sum))
     fastest = 0.0 if now is None else max(1.0, context.pace(at, dq, now))
     for k, displacement in enumerate(displacements):
         model, above, part = models[k], models[:k], displacement - solved
@@ -454,7 +452,7 @@ def _brought_back(
     for _ in range(CORRECTIONS + 1):
         there = at.moved(dq)
         if (context.violations(there) <= most).all():
-            ways = _violations_ahead(there, dq, context, now)
+            ways = violations_ahead(there, dq, context, now)
             return dq if any((broken <= most).all() for broken in ways) else None
         G, h = context.rows_within(there, allowed)
         G, h = np.vstack([G, bounds.G]), np.concatenate([h - SAME, np.maximum(bounds.h - bounds.G @ dq, 0.0)])
@@ -464,93 +462,6 @@ def _brought_back(
             return None
         dq = np.clip(dq + back.x, bounds.lower, bounds.upper)
     return None
-
-
-def _violations_ahead(at: Configuration, dq: np.ndarray, context: Context, now: Tick) -> Iterator[np.ndarray]:
-    """By how much each part (k,) of the bent limits is broken where dq (n,) led to, and while the arm then brakes.
-
-    First if each joint brakes as hard as it can, then if all slow down together, in a straight line of joint space: a
-    pair of bodies that one joint drives together and another apart does not come nearer if both slow down alike. So a
-    tick that is allowed leaves a way to stop that is allowed, and one of these is always there to be chosen next.
-    """
-    change, size = context.robot.acceleration_limit * now.dt**2, np.abs(dq)
-    stop = size / change  # in ticks
-    ticks, whole = int(np.max(stop, initial=0.0)), np.floor(stop)
-    if ticks == 0:
-        yield context.violations(at)
-        return
-    change = np.where(whole > 0, change, 0.0)
-
-    def apart(tick: int) -> np.ndarray:
-        k = np.minimum(tick, whole)
-        return np.sign(dq) * np.where(k > 0, k * (size - 0.5 * change * (k + 1)), 0.0)
-
-    def together(tick: int) -> np.ndarray:
-        return dq * (tick - tick * (tick + 1) / (2 * np.max(stop)))
-
-    yield _violations_along(apart, ticks, at, context)
-    q = context.robot.kinematics.integrate(at.q, together(ticks))
-    if (context.robot.lower <= q).all() and (q <= context.robot.upper).all():
-        yield _violations_along(together, ticks, at, context)
-
-
-def _violations_along(way: Callable[[int], np.ndarray], ticks: int, at: Configuration, context: Context) -> np.ndarray:
-    """The most by which each part (k,) of the bent limits is broken from a configuration on, `way` (n,) by the tick.
-
-    Looked at are some ticks, and between these the ones about the least room, where it is so small that the way may
-    bend beyond the limit in between.
-    """
-    rooms: dict[int, np.ndarray] = {}
-    further = {int(tick) for tick in np.linspace(0, ticks, GLANCES + 1)}
-    while further:
-        rooms.update((tick, context.rooms(at.moved(way(tick)) if tick else at)) for tick in further)
-        seen = np.array(sorted(rooms))
-        further = set(_between(seen, np.array([rooms[tick] for tick in seen])))
-    return np.maximum(-np.min(list(rooms.values()), axis=0), 0.0)
-
-
-def _between(ticks: np.ndarray, rooms: np.ndarray) -> Iterator[int]:
-    """The ticks halfway to the neighbours of the one with the least room, of rooms (t, k) at ticks (t,).
-
-    For each part whose least room is smaller than eight times what it may lose between two ticks if it changes as
-    unevenly as from one of the neighbours to the other.
-    """
-    if len(ticks) < 3:
-        return
-    rooms = np.minimum(rooms, np.max(rooms, where=np.isfinite(rooms), initial=0.0))
-    least, most = np.argmin(rooms, axis=0), rooms.min(axis=0)
-    middle, each = np.clip(least, 1, len(ticks) - 2), np.arange(rooms.shape[1])
-    before, after = np.diff(ticks)[middle - 1], np.diff(ticks)[middle]
-    change = np.diff(rooms, axis=0)
-    uneven = np.abs(change[middle, each] / after - change[middle - 1, each] / before) * np.maximum(before, after)
-    for i in set(least[(most > 0) & (most < uneven)]):
-        for k in {max(i - 1, 0), min(i, len(ticks) - 2)}:
-            if ticks[k + 1] - ticks[k] > 1:
-                yield int(ticks[k] + ticks[k + 1]) // 2
-
-
-def _with_a_way_to_stop(bounds: Bounds, at: Configuration, context: Context, now: Tick) -> Bounds:
-    """The bounds with that way to slow down as their `rest` which breaks bent limits least further: apart or together.
-
-    The last tick was allowed because one of them breaks none, which linearised limits do not know. In the second place
-    counts the pace that limits on speeds allow: joints whose motions cancel at the tool brake together.
-    """
-    has_choice = context.is_bent or context.is_paced
-    if not has_choice or not now.velocity.any() or not np.isfinite(context.robot.acceleration_limit).any():
-        return bounds
-    ways = [bounds.rest, np.clip(0.0, bounds.lower, bounds.upper)]
-    if bounds.braking is None and (together := slowed_together(bounds, now.velocity * now.dt)) is not None:
-        ways.append(together)
-
-    here = context.violations(at) if context.is_bent else np.empty(0)
-
-    def harm(way: np.ndarray) -> tuple[float, float]:
-        ends = _violations_ahead(at.moved(way), way, context, now) if context.is_bent else ()
-        growth = min((float(np.maximum(ahead - here, 0.0).sum()) for ahead in ends), default=0.0)
-        return growth, max(1.0, context.pace(at, way, now))
-
-    best = min(ways, key=harm)
-    return bounds if best is ways[0] else replace(bounds, braking=best, h=np.maximum(bounds.h, bounds.G @ best))
 
 
 def split_equalities(level: LevelObjective) -> tuple[LevelObjective, ...]:

@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from support.robots import load
 
 import maira_qp as mq
 from maira_qp.errors import OptionError, PoseError
@@ -78,6 +79,29 @@ def test_a_solve_brings_the_offset_to_the_target_and_its_derivative_is_that_of_d
     D = np.array([solver.solve(moved(t), solution.q).q - solver.solve(moved(-t), solution.q).q for t in twists]).T
     np.testing.assert_allclose(solution.jacobian(), D / (2 * step), atol=2e-2)
     assert "reached" in str(solution.explain())
+
+
+@pytest.mark.parametrize("name", ["maira", "panda", "ur5"])
+def test_an_offset_of_the_tip_is_that_of_a_tool_in_every_verb(maira, name, rng):
+    """Compiled, in closed form, proved, and named as the task is: the same as for an arm with that tool."""
+    robot = maira if name == "maira" else load(name)
+    solver = mq.Solver(robot, task=mq.PoseTask(name="grip", offset=OFFSET, position_weight=2.0))
+    of_tool = mq.Solver(robot.with_tool(OFFSET), task=mq.PoseTask(position_weight=2.0))
+    assert solver.engine_for("solve").engine == "compiled"
+    target = of_tool.robot.forward(robot.middle + 0.3 * rng.normal(size=robot.n))
+    for wishes in ({}, {"q0": robot.middle}, {"accept": lambda q: q[0] > 0}, {"q0": robot.middle, "prefer": "closest"}):
+        s, other = solver.solve({"grip": target}, **wishes), of_tool.solve(target, **wishes)
+        assert s.status is other.status
+        assert s.q == pytest.approx(other.q, abs=1e-6)
+        assert mq.pose_error(robot.forward(s.q) * OFFSET, target) == pytest.approx(np.zeros(6), abs=1e-6)
+    assert len(solver.solutions(target)) == len(of_tool.solutions(target))
+    far = mq.pose([9.0, 0.0, 0.0])
+    assert solver.solve(far).status is of_tool.solve(far).status
+    assert (solver.solve(far).proof is None) == (of_tool.solve(far).proof is None)
+    path = mq.paths.line(target, target * mq.pose([0.02, 0.0, 0.0]))
+    p = solver.track(path, q0=s.q)
+    assert p.success.all() == of_tool.track(path, q0=s.q).success.all()
+    assert p.success.any()
 
 
 @pytest.mark.parametrize("acceleration", [None, 8.0])
