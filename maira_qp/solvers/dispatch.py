@@ -51,8 +51,8 @@ MOST_KEPT = 64
 
 SOLVES = (
     (
-        "one pose, position or orientation task of the tip of a serial chain of 1 to some 30 joints, joint limits; no "
-        "redundancy, or `Weighted` or `Strict` with one `Posture` or `LimitDistance`",
+        "one pose, position or orientation task of the tip of a serial chain of 1 to some 30 joints, or of an offset "
+        "in it; joint limits; no redundancy, or `Weighted` or `Strict` with one `Posture` or `LimitDistance`",
         "compiled (Numba): for S-R-S arms the closed form, then the search, settling of the redundancy, nearest points",
         '`"compiled"`',
     ),
