@@ -22,6 +22,7 @@ from maira_qp.apps.commands.doctor import Doctor
 from maira_qp.apps.commands.fk import Fk
 from maira_qp.apps.commands.jobs.dataset import Dataset
 from maira_qp.apps.commands.jobs.job import Job, JobActions
+from maira_qp.apps.commands.jobs.place import Place
 from maira_qp.apps.commands.jobs.reach import Reach
 from maira_qp.apps.commands.plot import Pictures, Plot
 from maira_qp.apps.commands.robots import Robots
@@ -42,7 +43,7 @@ Lengths are in m, angles in rad (solve, track and fk: in deg with --deg), times 
 
 Exit codes: 0 done, and for solve: solved, for track: followed whole; 1 not solved, the nearest found is printed, or not
 followed whole; 3 proved to be out of reach; 4 neither, the budget was spent; of doctor: 1 something is at fault; of
-job: 1 not finished, or damaged;
+job: 1 not finished, or damaged; of place: 1 no base reaches all;
 2 misuse, told on stderr; 130 interrupted; 141 the reader of the output went away before the verdict was known;
 143 terminated.
 
@@ -54,6 +55,7 @@ Command = (
     | Annotated[Fk, tyro.conf.subcommand("fk")]
     | Annotated[Urdf, tyro.conf.subcommand("urdf")]
     | Annotated[Reach, tyro.conf.subcommand("reach")]
+    | Annotated[Place, tyro.conf.subcommand("place")]
     | Annotated[Dataset, tyro.conf.subcommand("dataset")]
     | Annotated[Job, tyro.conf.subcommand("job")]
     | Annotated[Robots, tyro.conf.subcommand("robots")]

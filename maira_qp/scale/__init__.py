@@ -16,6 +16,8 @@ same, byte for byte, for any engine, number of workers and length of the shards,
 from maira_qp.scale.dataset.job import DatasetJob
 from maira_qp.scale.engines.engine import Engine
 from maira_qp.scale.job import Job
+from maira_qp.scale.placement.place import place
+from maira_qp.scale.placement.placements import Placement, Placements
 from maira_qp.scale.reach.job import ReachJob
 from maira_qp.scale.reach.reach_map import MapSlice, ReachMap
 from maira_qp.scale.run import JobState, Verification, resume, run, state_of, verify
@@ -26,9 +28,12 @@ __all__ = [
     "Job",
     "JobState",
     "MapSlice",
+    "Placement",
+    "Placements",
     "ReachJob",
     "ReachMap",
     "Verification",
+    "place",
     "resume",
     "run",
     "state_of",

@@ -8,13 +8,14 @@ import logging
 import socket
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 import viser
 
 from maira_qp.apps.arguments.robot_choice import RobotChoice
+from maira_qp.apps.viewer.drawing.layers import Layer
 from maira_qp.apps.viewer.drawing.scene import Scene, frame_camera
 from maira_qp.apps.viewer.loop import Loop
 from maira_qp.apps.viewer.panel.panel import Panel
@@ -38,14 +39,19 @@ LARGEST_UPLOAD = 16 * 2**20
 class Viewer:
     """Serves a robot until it is closed."""
 
-    def __init__(self, choice: RobotChoice, host: str = "127.0.0.1", port: int = 8080) -> None:
-        """At a free port from `port` on; 0: any. Raises `RobotError`, `FrameError`, `OSError`."""
+    def __init__(
+        self, choice: RobotChoice, host: str = "127.0.0.1", port: int = 8080, layers: Sequence[Layer] = ()
+    ) -> None:
+        """At a free port from `port` on; 0: any; layers are of this robot. Raises `RobotError`, `FrameError`,
+        `OSError`."""
         shown = prepared(choice)
         self._server = _serve(host, port)
         self._told: tuple[str, float] = "", 0.0
         self._ticks = 0
         self._loop = Loop(shown.session, self._show, self._failed)
         self._present(shown)
+        for layer in layers:
+            layer(self._server, self)
         self._loop.start()
 
     @property

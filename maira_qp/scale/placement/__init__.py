@@ -1,0 +1,1 @@
+"""Where to put an arm: bases ranked by how many tool poses can be reached from each."""
