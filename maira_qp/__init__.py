@@ -41,7 +41,7 @@ from maira_qp.results.solution_set import ListedSolution, Solutions
 from maira_qp.results.status import Reach, Status, StepStatus, TrackerState
 from maira_qp.results.step import Step
 from maira_qp.results.trajectory import Trajectory
-from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Mesh, Sphere
+from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Sphere
 from maira_qp.robots.dh.table import DHLink, DHTable
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.ahead import compile
@@ -66,6 +66,7 @@ __all__ = [
     "DHTable",
     "DampingTask",
     "DistanceLimit",
+    "Ellipsoid",
     "HalfSpaceLimit",
     "JointCouplingTask",
     "JointVelocityTask",

@@ -11,6 +11,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from maira_qp.errors import OptionError, RobotError
+from maira_qp.robots.collision.urdf_geometry import without_ellipsoids
 from maira_qp.robots.model.robot import Robot
 
 
@@ -64,7 +65,7 @@ def _write_urdf(robot: Robot, q: np.ndarray, recording: Any, send: Any) -> None:
     from rerun.urdf import UrdfTree  # pyright: ignore[reportMissingImports]
 
     try:
-        text = robot.urdf
+        text = without_ellipsoids(robot.urdf)
     except RobotError:
         return
     with tempfile.TemporaryDirectory() as folder:

@@ -12,7 +12,10 @@ from maira_qp.apps.arguments.robot_choice import RobotChoice
 
 @dataclass(frozen=True, kw_only=True)
 class Urdf:
-    """Write a robot as URDF: that of its DH table, or a URDF file made plain (one chain, the other joints fixed)."""
+    """Write a robot as URDF: that of its DH table, or a URDF or MJCF file made plain (one chain, other joints fixed).
+
+    Ellipsoids become the boxes around them, for URDF has none.
+    """
 
     choice: RobotFlags = field(default_factory=RobotChoice)
     output: Path | None = None
@@ -21,10 +24,11 @@ class Urdf:
     def run(self) -> int:
         """Writes the URDF; always 0."""
         from maira_qp.io.atomic_write import replace_text
+        from maira_qp.robots.collision.urdf_geometry import without_ellipsoids
         from maira_qp.robots.urdf.writer import urdf_text
 
         robot = self.choice.load()
-        text = robot.urdf if robot.dh is None else urdf_text(robot.dh)
+        text = without_ellipsoids(robot.urdf) if robot.dh is None else urdf_text(robot.dh)
         if self.output is None:
             sys.stdout.write(text)
         else:

@@ -65,9 +65,9 @@ class CollisionLimit(Limit):
     """
 
     obstacles: Any = ()
-    """What stands around the robot, in the base: `Sphere`, `Box`, `Capsule`, `Cylinder`, `Mesh`, in a sequence or by
-    their names, {"ball": mq.Sphere(0.1)}. One that has a name may stand elsewhere in a call; one of a mapping that
-    is made without a pose needs one in each call."""
+    """What stands around the robot, in the base: `Sphere`, `Ellipsoid`, `Box`, `Capsule`, `Cylinder`, `Mesh`, in a
+    sequence or by their names, {"ball": mq.Sphere(0.1)}. One that has a name may stand elsewhere in a call; one of a
+    mapping that is made without a pose needs one in each call."""
     margin: float = 0.01
     """Distance that every pair keeps [m]; >= 0"""
     influence: float = 0.1
@@ -366,7 +366,8 @@ def _named_obstacles(obstacles: Any) -> tuple[Shape, ...]:
     named: list[Shape] = []
     for count, obstacle in enumerate(obstacles, start=1):
         if not isinstance(obstacle, Shape):
-            raise OptionError(f"obstacle {count} is not a Sphere, Box, Capsule, Cylinder or Mesh: {shown(obstacle)}")
+            kinds = "Sphere, Ellipsoid, Box, Capsule, Cylinder or Mesh"
+            raise OptionError(f"obstacle {count} is not a {kinds}: {shown(obstacle)}")
         named.append(obstacle if obstacle.name else replace(obstacle, name=f"obstacle{count}"))  # type: ignore[type-var]
     names = [obstacle.name for obstacle in named]
     for name in names:

@@ -1,6 +1,7 @@
 """The collision shapes of a robot's links, from the `<collision>` elements of its description.
 
-The format: http://wiki.ros.org/urdf/XML/link; `<capsule radius length>` beside the four of the standard.
+The format: http://wiki.ros.org/urdf/XML/link; `<capsule radius length>` and `<ellipsoid radii>` beside the four of the
+standard.
 """
 
 from __future__ import annotations
@@ -17,13 +18,13 @@ import pinocchio as pin
 
 from maira_qp.errors import MairaError, OptionError, RobotError, listed
 from maira_qp.robots.collision.meshes import THICKNESS
-from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Shape, Sphere
 from maira_qp.robots.model.robot import Robot
 from maira_qp.robots.urdf.rpy import matrix_from_rpy
 
 log = logging.getLogger(__name__)
 
-KINDS = ("sphere", "box", "cylinder", "capsule", "mesh")
+KINDS = ("sphere", "ellipsoid", "box", "cylinder", "capsule", "mesh")
 
 FLAT = 1e-9
 """What a scale of zero of a mesh becomes: the hull is flat then, and is given `THICKNESS`, whatever the mesh's unit."""
@@ -77,6 +78,8 @@ def shape_of(element: Element, link: str) -> Shape:
     pose = pin.SE3.Identity() if origin is None else _pose(origin)
     if solid.tag == "sphere":
         return Sphere(_size(solid, "radius"), pose, name=link)
+    if solid.tag == "ellipsoid":
+        return Ellipsoid([size or THICKNESS for size in _numbers(solid, "radii")], pose, name=link)
     if solid.tag == "box":
         return Box([size or THICKNESS for size in _numbers(solid, "size")], pose, name=link)
     if solid.tag in ("cylinder", "capsule"):

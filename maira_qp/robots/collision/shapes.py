@@ -68,6 +68,24 @@ class Sphere(Shape):
 
 
 @dataclass(frozen=True, eq=False)
+class Ellipsoid(Shape):
+    """All points with `(x / a)^2 + (y / b)^2 + (z / c)^2 <= 1` along the axes of its pose."""
+
+    radii: Any
+    """a, b and c (3,) [m]; > 0"""
+    pose: Any = None
+    """Pose of its middle in the base, `pin.SE3` or (4, 4); None: at the origin."""
+    name: str = field(default="", kw_only=True)
+
+    def __post_init__(self) -> None:
+        self._check(radii=(3,))
+
+    def solid(self) -> coal.CollisionGeometry:
+        """An ellipsoid."""
+        return coal.Ellipsoid(*self.radii)
+
+
+@dataclass(frozen=True, eq=False)
 class Box(Shape):
     """A box along the axes of its pose."""
 

@@ -24,8 +24,8 @@ FLOOR_DEPTH = 0.1
 def add_shapes(link: Element, compiled: Compiled, body: int) -> None:
     """Add the shapes of a body to its link: what can be collided with, and what is there to be seen.
 
-    Where all shapes can be collided with, these are what is seen. A plane is a box below it, an ellipsoid the box
-    around it; height fields, and meshes that are not in a file of their own, have no shape, which is logged.
+    Where all shapes can be collided with, these are what is seen. A plane is a box below it; height
+    fields, and meshes that are not in a file of their own, have no shape, which is logged.
     """
     model = compiled.model
     first = int(model.body_geomadr[body])
@@ -67,7 +67,9 @@ def _primitive(kind: int, size: list[float]) -> tuple[Element | None, np.ndarray
     if kind in (kinds.mjGEOM_CAPSULE, kinds.mjGEOM_CYLINDER):
         tag = "capsule" if kind == kinds.mjGEOM_CAPSULE else "cylinder"
         return Element(tag, radius=words(size[:1]), length=words([2 * size[1]])), offset
-    if kind in (kinds.mjGEOM_BOX, kinds.mjGEOM_ELLIPSOID):
+    if kind == kinds.mjGEOM_ELLIPSOID:
+        return Element("ellipsoid", radii=words(size)), offset
+    if kind == kinds.mjGEOM_BOX:
         return Element("box", size=words(2 * side for side in size)), offset
     if kind == kinds.mjGEOM_PLANE:
         offset[2, 3] = -0.5 * FLOOR_DEPTH

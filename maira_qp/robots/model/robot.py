@@ -291,8 +291,8 @@ class Robot(Shown):
         MuJoCo itself resolves defaults, includes, angles and frames, and `q` is its `qpos`. Joints between base and
         tips move, all others are fixed at zero, and elsewhere by `at_rest`; those of free joints and balls where the
         model has them. Keyframes are states, see `state`; links that MuJoCo does not let collide may touch. Shapes
-        become the nearest of URDF, a plane a box below it, an ellipsoid the box around it. Meshes, height fields and
-        textures are not opened.
+        become those of URDF, a plane a box below it; an ellipsoid is `<ellipsoid radii="a b c"/>`, which URDF lacks.
+        Meshes, height fields and textures are not opened.
 
         Linear equality constraints of joints and of fixed tendons make mimic joints: one, or one for each of several
         leaders, about the same axis. Ranges of fixed tendons, and of joints that follow several others, are
@@ -511,8 +511,8 @@ class Robot(Shown):
         that frame, and those next to it by a joint, such as the fingers of a hand, may touch it.
 
         Args:
-            shape: `Sphere`, `Box`, `Capsule`, `Cylinder` or `Mesh` of a file; its own pose is one in the object. None:
-                what is held by that name is given up.
+            shape: `Sphere`, `Ellipsoid`, `Box`, `Capsule`, `Cylinder` or `Mesh` of a file; its own pose is one in the
+                object. None: what is held by that name is given up.
             pose: of the object in the frame [m], `pin.SE3` or (4, 4); None: at its origin.
             frame: that carries it; None: the tip.
             name: of the object.

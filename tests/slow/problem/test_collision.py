@@ -434,7 +434,7 @@ def test_robot_without_shapes_is_refused():
         ({"gain": -1}, "gain of a CollisionLimit must be positive"),
         ({"obstacles": Sphere(0.1)}, "must be shapes in a sequence"),
         ({"obstacles": 3}, "must be shapes in a sequence"),
-        ({"obstacles": ["ball"]}, "obstacle 1 is not a Sphere, Box"),
+        ({"obstacles": ["ball"]}, "obstacle 1 is not a Sphere, Ellipsoid, Box"),
         ({"obstacles": [Sphere(0.1, name="a"), Sphere(0.2, name="a")]}, "two obstacles have the name 'a'"),
         ({"obstacles": [Sphere(0.1, name="l1")]}, "the name of a link of arm: 'l1'"),
         ({"allowed": "ajacent"}, "neither 'adjacent' nor 'sampled' nor an SRDF file"),

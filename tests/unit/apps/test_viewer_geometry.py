@@ -32,6 +32,7 @@ def volume(surface) -> float:
     ("shape", "expected"),
     [
         (mq.Sphere(0.5), 4 / 3 * pi * 0.125),
+        (mq.Ellipsoid([0.5, 1.0, 2.0]), 4 / 3 * pi),
         (mq.Box([1.0, 2.0, 3.0]), 6.0),
         (mq.Cylinder(0.5, 2.0), pi * 0.5),
         (mq.Capsule(0.5, 2.0), pi * 0.5 + 4 / 3 * pi * 0.125),
@@ -44,7 +45,9 @@ def test_a_surface_encloses_the_shape_wherever_it_is(shape, expected):
     np.testing.assert_allclose(there.vertices - [5, 6, 7], here.vertices, atol=1e-12)
 
 
-@pytest.mark.parametrize("shape", [mq.Sphere(1.0), mq.Box([1, 1, 1]), mq.Cylinder(1, 1), mq.Capsule(1, 1)])
+@pytest.mark.parametrize(
+    "shape", [mq.Sphere(1), mq.Ellipsoid([1, 2, 3]), mq.Box([1, 1, 1]), mq.Cylinder(1, 1), mq.Capsule(1, 1)]
+)
 def test_a_surface_is_closed(shape):
     """Every edge is met once from either side, vertices in one place counted as one."""
     surface = triangles(shape)

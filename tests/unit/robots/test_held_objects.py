@@ -15,6 +15,7 @@ TABLE = mq.Box([2.0, 2.0, 0.1], mq.pose([0, 0, -0.3]), name="table")
 SHAPES = (
     mq.Box([0.05, 0.1, 0.3], mq.pose([0, 0, 0.1], rpy=[0, 0.4, 0])),
     mq.Sphere(0.07),
+    mq.Ellipsoid([0.03, 0.05, 0.1]),
     mq.Cylinder(0.03, 0.2),
     mq.Capsule(0.02, 0.2, mq.pose([0.1, 0, 0])),
 )

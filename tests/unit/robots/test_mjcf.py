@@ -264,7 +264,7 @@ SHAPES = """<mujoco><worldbody>
         <geom name="cylinder" type="cylinder" size="0.1 0.2" pos="0 0.1 0.3" quat="1 1 0 0"/>
         <geom name="look" type="sphere" size="0.3" contype="0" conaffinity="0" rgba="1 0 0 1"/>
         <body name="d" pos="0 0.5 0"><joint name="d" axis="0 0 1" range="-180 180"/>
-          <geom name="ball" type="sphere" size="0.07" pos="0.2 0 0"/><site name="tip"/>
+          <geom name="ball" type="ellipsoid" size="0.07 0.12 0.03" pos="0.2 0 0" euler="40 20 0"/><site name="tip"/>
         </body></body></body></body>
   </worldbody>
   <contact><exclude body1="d" body2="a"/></contact>

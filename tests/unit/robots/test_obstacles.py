@@ -2,6 +2,7 @@
 
 import logging
 import pickle
+from xml.etree import ElementTree
 
 import coal
 import numpy as np
@@ -13,7 +14,8 @@ from maira_qp.errors import OptionError, PoseError, RobotError
 from maira_qp.problem.limits.collision import CollisionLimit
 from maira_qp.robots.collision.link_shapes import link_shapes
 from maira_qp.robots.collision.meshes import THICKNESS, convex_hull, find_mesh
-from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Mesh, Sphere
+from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Sphere
+from maira_qp.robots.collision.urdf_geometry import collision_element, without_ellipsoids
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
 FACES = [[0, 1, 2], [5, 6, 7], [3, 4, 0]]
@@ -89,6 +91,36 @@ def test_distance_of_two_capsules(rng):
         u, v = 0.2 * own.rotation[:, 2], 0.3 * pose.rotation[:, 2]
         expected = segment_distance(q + own.translation, u, pose.translation, v) - 0.12
         assert limit.distance(robot.at(q)) == pytest.approx(expected, abs=1e-6)
+
+
+def test_distance_of_two_ellipsoids(rng):
+    """It is their gap along the normal, by the support function `sqrt(n^T (a n))`: no other direction has a larger one.
+
+    So no point of either is nearer than is said, apart or overlapping, for flat and long ones too.
+    """
+    deep = 0
+    for _ in range(60):
+        radii, others = np.exp(rng.uniform(np.log(0.003), np.log(0.4), (2, 3)))
+        own = mq.pose([0.1, 0.2, 0.3], rpy=rng.uniform(-3, 3, 3))
+        robot = gantry(ElementTree.tostring(collision_element(Ellipsoid(radii, own)), encoding="unicode"))
+        q = 0.3 * rng.normal(size=3)
+        pose = mq.pose(q + own.translation + 0.2 * rng.normal(size=3), rpy=rng.uniform(-3, 3, 3))
+        limit = CollisionLimit(obstacles=[Ellipsoid(others, pose)], influence=20).of(robot)
+        contact = limit.nearest(robot.at(q))
+        normal = (contact.second_point - contact.first_point) / contact.distance
+        reach = np.linalg.norm(radii * (own.rotation.T @ normal)) + np.linalg.norm(others * (pose.rotation.T @ normal))
+        gap = normal @ (pose.translation - q - own.translation) - reach
+        assert contact.distance == pytest.approx(gap, abs=1e-8 if gap > 0 else 3e-5)
+        deep += contact.distance < 0
+    assert 5 < deep < 55
+
+
+def test_a_box_around_stands_in_for_an_ellipsoid_for_other_readers():
+    robot = gantry(collision('<ellipsoid radii="0.1 0.2 0.3"/>'))
+    assert '<box size="0.2 0.4 0.6"' in without_ellipsoids(robot.urdf)
+    assert without_ellipsoids(robot.urdf).count("<ellipsoid") == 0
+    plain = gantry(collision('<sphere radius="0.1"/>')).urdf
+    assert without_ellipsoids(plain) == plain
 
 
 def test_cylinder_and_its_pose(rng):
@@ -171,7 +203,8 @@ def test_shape_keeps_its_own_pose():
 
 
 def test_shapes_pickle():
-    for shape in (Sphere(0.1), Box([1, 2, 3]), Capsule(0.1, 1), Cylinder(1, 2), Mesh((CORNERS, FACES)).loaded(())):
+    mesh = Mesh((CORNERS, FACES)).loaded(())
+    for shape in (Sphere(0.1), Ellipsoid([1, 2, 3]), Box([1, 2, 3]), Capsule(0.1, 1), Cylinder(1, 2), mesh):
         copy = pickle.loads(pickle.dumps(shape))
         assert copy.pose == shape.pose == pin.SE3.Identity()
         assert type(copy.solid()) is type(shape.solid())

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Ellipsoid, Shape, Sphere
 
 SIDES = 32
 """Of what is round, seen along its axis."""
@@ -36,9 +36,12 @@ def joined(parts: Iterable[Triangles]) -> Triangles:
 
 
 def triangles(shape: Shape) -> Triangles:
-    """The surface of a sphere, box, cylinder or capsule, in the frame of the link or the base that its pose is in."""
+    """The surface of a shape, but of a mesh, in the frame of the link or the base that its pose is in."""
     if isinstance(shape, Sphere):
         surface = turned(_arc(shape.radius, -90, 90, 0.0))
+    elif isinstance(shape, Ellipsoid):
+        ball = turned(_arc(1.0, -90, 90, 0.0))
+        surface = Triangles(ball.vertices * shape.radii, ball.faces)
     elif isinstance(shape, Cylinder):
         r, h = shape.radius, 0.5 * shape.length
         surface = turned([(0, -h), (r, -h)], [(r, -h), (r, h)], [(r, h), (0, h)])
