@@ -121,9 +121,9 @@ def explain(solution: Solution, poses: Poses, context: Context, resolve: Resolve
 def _of_broken_limits(solution: Solution, context: Context) -> Explanation:
     """Where no configuration keeps the limits nothing was minimised that others could hold up."""
     at = context.robot.at(solution.q)
-    collisions = [limit.broken(at, "") for limit in context.further if isinstance(limit, CollisionLimit)]
+    collisions = [(limit, limit.broken(at, "")) for limit in context.further if isinstance(limit, CollisionLimit)]
     broken = [
-        BrokenLimit(name, amount, "m" if any(name in pairs for pairs in collisions) else "")
+        BrokenLimit(name, amount, "m" if any(name in pairs for _, pairs in collisions) else "")
         for name, amount in solution.broken_limits.items()
     ]
     return Explanation(
@@ -139,8 +139,27 @@ def _of_broken_limits(solution: Solution, context: Context) -> Explanation:
         is_reached_within=False,
         proof=None,
         is_compromise=False,
+        hints=tuple(_touching_by_design(collisions, context)),
         broken=tuple(broken),
     )
+
+
+def _touching_by_design(collisions: Sequence[tuple[CollisionLimit, dict[str, float]]], context: Context) -> list[str]:
+    """What is behind pairs of links that are too near, and so in the middle of all joint ranges, if there are any."""
+    at = context.robot.at(context.robot.middle)
+    names = [
+        name
+        for limit, pairs in collisions
+        for name in pairs.keys() & limit.broken(at, "").keys()
+        if name.rpartition(" - ")[2] not in limit.obstacle_names
+    ]
+    if not names:
+        return []
+    pair, told = tuple(min(names).split(" - ")), " and ".join(sorted(names))
+    return [
+        f"{told} touch in the middle of all joint ranges too: if their shapes overlap by design, "
+        f'allow it: by an SRDF (robot.with_srdf), CollisionLimit(allowed="sampled") or allowed=[{pair}].'
+    ]
 
 
 def _force(problem: Problem, poses: Poses, at: Configuration, solution: Solution) -> np.ndarray:

@@ -183,6 +183,25 @@ def test_bodies_that_overlap_everywhere_are_named_with_the_metres_that_are_missi
     assert any(name.endswith(" - ball") for name in s.broken_limits)
     assert list(s.broken_limits.values()) == sorted(s.broken_limits.values(), reverse=True)
     assert f"{next(iter(s.broken_limits))} by " in str(s.explain())
+    assert s.explain().hints == ()  # which are about links
+
+
+def test_links_that_overlap_by_design_are_to_be_allowed_to():
+    """Where shapes of links touch in the middle of all ranges too, the explanation says how to let them."""
+    wide = '<link name="{}"><collision><geometry><sphere radius="0.5"/></geometry></collision></link>'
+    links = wide.format("a") + '<link name="b"/>' + wide.format("c")
+    joint = (
+        '<joint name="{0}{1}" type="revolute"><parent link="{0}"/><child link="{1}"/><origin xyz="0 0 0.3"/>'
+        '<axis xyz="1 0 0"/><limit lower="-1" upper="1"/></joint>'
+    )
+    robot = mq.Robot.from_urdf(f'<robot name="r">{links}{joint.format("a", "b")}{joint.format("b", "c")}</robot>')
+    s = mq.Solver(robot, task=mq.PositionTask(), limits=[mq.CollisionLimit()], options=FEW).solve(mq.pose([0, 0, 0.6]))
+    assert s.status is mq.Status.LIMITS_BROKEN
+    assert "a - c touch in the middle of all joint ranges too" in str(s.explain())
+    for allowed in ("sampled", [("a", "c")]):
+        assert f"allowed={allowed}" in str(s.explain()).replace('"', "")
+        letting = mq.Solver(robot, task=mq.PositionTask(), limits=[mq.CollisionLimit(allowed=allowed)], options=FEW)
+        assert letting.solve(mq.pose([0, 0, 0.6])).success
     assert s.explain().broken[0].unit == "m"
 
 
