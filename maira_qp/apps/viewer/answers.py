@@ -9,18 +9,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
+from maira_qp.apps.viewer.branches import names_of
 from maira_qp.apps.viewer.drawing.surroundings import collision_limit
+from maira_qp.apps.viewer.targets import Targets, as_asked
 from maira_qp.errors import MairaError
 from maira_qp.problem.limits.collision import CollisionLimit
 from maira_qp.problem.options import Options
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.results.solution import Solution
-from maira_qp.results.solution_set import Solutions
+from maira_qp.results.solution_set import ListedSolution, Solutions
 from maira_qp.robots.collision.shapes import Shape
 from maira_qp.robots.model.revolutions import WholeTurns
 from maira_qp.robots.model.robot import Robot
@@ -28,7 +30,7 @@ from maira_qp.solvers.analysis.explanation import Explanation
 from maira_qp.solvers.solver import Solver
 
 PATIENCE = 0.25
-"""What a verdict among obstacles may take [s]."""
+"""What a verdict among obstacles, or on a tree, may take [s]."""
 APART = 0.5
 """Solutions nearer to each other in every joint [rad, or m], whole turns aside, are shown as one."""
 MOST_GHOSTS = 16
@@ -43,9 +45,9 @@ class Job(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """What `solve` says of a target."""
+    """What `solve` says of targets."""
 
-    target: pin.SE3
+    targets: Targets
     solution: Solution
     seconds: float
     """What the solve took [s]"""
@@ -58,13 +60,18 @@ class Verdict:
         return not self.solution.success and self.reason is None
 
 
-def verdict_on(solver: Solver, plain: Solver, target: pin.SE3, q0: np.ndarray) -> Verdict:
+def options_for(robot: Robot) -> Options:
+    """A search over a tree takes seconds where it fails: it is cut short."""
+    return Options(deadline=PATIENCE) if len(robot.tips) > 1 else Options()
+
+
+def verdict_on(solver: Solver, plain: Solver, targets: Targets, q0: np.ndarray) -> Verdict:
     """Solve from q0 (n,). What the plain solver, without obstacles, cannot reach is not sought among them for long."""
     if any(isinstance(limit, CollisionLimit) for limit in solver.limits):
-        verdict = _timed(plain, target, q0)
+        verdict = _timed(plain, targets, q0)
         if not verdict.solution.success:
             return verdict
-    return _timed(solver, target, q0)
+    return _timed(solver, targets, q0)
 
 
 def explained(verdict: Verdict) -> Verdict:
@@ -72,35 +79,50 @@ def explained(verdict: Verdict) -> Verdict:
     return replace(verdict, reason=verdict.solution.explain())
 
 
-def _timed(solver: Solver, target: pin.SE3, q0: np.ndarray) -> Verdict:
+def _timed(solver: Solver, targets: Targets, q0: np.ndarray) -> Verdict:
     begin = time.perf_counter()
-    solution = solver.solve(target, q0=q0)
-    return Verdict(target, solution, time.perf_counter() - begin)
+    solution = solver.solve(as_asked(targets), q0=q0)
+    return Verdict(targets, solution, time.perf_counter() - begin)
 
 
 @dataclass(frozen=True, eq=False)
 class Ghosts:
-    """Solutions for a target, the best first, alike ones as one."""
+    """Solutions for targets, the best first, alike ones as one."""
 
-    target: pin.SE3
-    q: np.ndarray
-    """(k, n)"""
+    targets: Targets
+    shown: tuple[ListedSolution, ...]
+    names: tuple[str, ...]
+    """What each that is shown is called"""
     found: Solutions
     """With those that are alike"""
     note: str = ""
     """Why there are none"""
 
+    @cached_property
+    def q(self) -> np.ndarray:
+        """(k, n) of those that are shown"""
+        return np.array([one.q for one in self.shown])
 
-def ghosts_of(solver: Solver, target: pin.SE3) -> Ghosts:
-    """All solutions for a target that are known, the best first."""
-    found = solver.solutions(target)
+    @cached_property
+    def ranks(self) -> np.ndarray:
+        """(k,) from 0, the least cost of those that are shown, to 1, the largest"""
+        costs = np.array([one.cost for one in self.shown])
+        span = float(np.ptp(costs)) if len(costs) else 0.0
+        return (costs - costs.min()) / span if span > 0 else np.zeros(len(costs))
+
+
+def ghosts_of(solver: Solver, targets: Targets) -> Ghosts:
+    """All solutions for targets that are known, the best first."""
+    found = solver.solutions(as_asked(targets))
     turns = WholeTurns(solver.robot, solver.robot.middle)
-    shown = np.empty((0, solver.robot.n))
-    for q in (each.q for each in found):
-        if len(shown) < MOST_GHOSTS and (turns.apart(q, shown) >= APART).all():
-            shown = np.vstack([shown, q])
+    shown: list[ListedSolution] = []
+    known = np.empty((0, solver.robot.n))
+    for one in found:
+        if len(shown) < MOST_GHOSTS and (turns.apart(one.q, known) >= APART).all():
+            shown.append(one)
+            known = np.vstack([known, one.q])
     note = "" if found else "no configuration within the joint limits reaches the target"
-    return Ghosts(target, shown, found, note)
+    return Ghosts(targets, tuple(shown), names_of(solver.robot, shown), found, note)
 
 
 class Fitted(NamedTuple):
@@ -121,14 +143,15 @@ def fitted(
     is_avoiding: bool,
 ) -> Fitted:
     """A solver that keeps clear of the obstacles if it is to, and knows their distances if it can."""
+    without = Solver(robot, redundancy=redundancy, options=options_for(robot))
     if not obstacles:
-        return Fitted(Solver(robot, redundancy=redundancy), None, "")
+        return Fitted(without, None, "")
     limit = collision_limit(obstacles, directories)
     try:
         if is_avoiding:
             options = Options(deadline=PATIENCE)
             solver = Solver(robot, redundancy=redundancy, limits=[limit], options=options)
             return Fitted(solver, solver.limits[-1], "")  # type: ignore[arg-type]
-        return Fitted(Solver(robot, redundancy=redundancy), limit.of(robot), "")
+        return Fitted(without, limit.of(robot), "")
     except MairaError as reason:
-        return Fitted(Solver(robot, redundancy=redundancy), None, str(reason))
+        return Fitted(without, None, str(reason))

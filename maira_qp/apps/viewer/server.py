@@ -15,8 +15,9 @@ import numpy as np
 import viser
 
 from maira_qp.apps.arguments.robot_choice import RobotChoice
+from maira_qp.apps.viewer.drawing.camera import Ball
 from maira_qp.apps.viewer.drawing.layers import Layer
-from maira_qp.apps.viewer.drawing.scene import Scene, frame_camera
+from maira_qp.apps.viewer.drawing.scene import Scene
 from maira_qp.apps.viewer.loop import Loop
 from maira_qp.apps.viewer.panel.panel import Panel
 from maira_qp.apps.viewer.prepared import Prepared, prepared
@@ -52,6 +53,7 @@ class Viewer:
         self._present(shown)
         for layer in layers:
             layer(self._server, self)
+        self._server.on_client_connect(lambda client: self._ball.frame(client.camera, client.camera.aspect))
         self._loop.start()
 
     @property
@@ -81,6 +83,18 @@ class Viewer:
     def session(self, key: str, action: Callable[[Session], None]) -> None:
         """Do this before the next tick, unless something else comes under the same key."""
         self._loop.mailbox.put(key, action)
+
+    def target_moved(self, tip: str, T: np.ndarray) -> None:
+        """The target of a tip was dragged to a pose (4, 4)."""
+        self.session(f"target {tip}", lambda session: session.move_target(T, tip))
+
+    def obstacle_moved(self, name: str, T: np.ndarray) -> None:
+        """An obstacle was dragged to a pose (4, 4)."""
+        self.session(name, lambda session: session.move_obstacle(name, T))
+
+    def ghost_clicked(self, index: int) -> None:
+        """One of the solutions that are shown was clicked."""
+        self.session("ghost", lambda session: session.go_to_ghost(index))
 
     def robot(self, robot: str, tip: str | None, client: viser.ClientHandle | None) -> None:
         """Show another robot: a name of the catalog, or a file."""
@@ -150,16 +164,15 @@ class Viewer:
                 self._server.scene,
                 session.robot,
                 shown.geometry.bodies,
-                lambda T: self.session("target", lambda session: session.move_target(T)),
-                lambda name, T: self.session(name, lambda session: session.move_obstacle(name, T[:3, 3])),
+                self,
             )
             self._panel = Panel(self._server.gui, session, shown.loaded, self)
-            self._server.gui.set_panel_label(f"maira_qp: {session.robot.name} ({session.robot.tip})")
-            frame_camera(self._server.initial_camera, session.robot)
+            self._ball = Ball(session.robot, session.q, shown.geometry.bodies)
+            self._ball.frame(self._server.initial_camera)
 
     def _show(self, session: Session, view: View) -> None:
         with self._server.atomic():
-            self._scene.show(view, session.obstacles, session.recording)
+            self._scene.show(view, session.workplace.obstacles, session.recording)
             if self._ticks % PANEL_EVERY == 0:
                 self._panel.show(session, view)
         self._ticks += 1

@@ -9,9 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from maira_qp.apps.viewer.answers import Ghosts, Verdict
-from maira_qp.apps.viewer.drawing.surroundings import Clearance
+from maira_qp.apps.viewer.drawing.surroundings import Clearance, Overlap
 from maira_qp.apps.viewer.motion.elbow import Elbow
 from maira_qp.apps.viewer.paths.followed import PathView
+from maira_qp.apps.viewer.targets import Targets
 from maira_qp.problem.problem import ACTIVE_WITHIN
 from maira_qp.robots.model.robot import Robot
 
@@ -21,7 +22,7 @@ class Standing(Enum):
 
     UNKNOWN = "..."
     """It is being found out."""
-    REACHED = "CONVERGED"
+    REACHED = "REACHED"
     """The tool is at the target within the tolerances, and the arm is as clear as it is to be."""
     TOO_NEAR = "TOO NEAR"
     """It is to keep clear of the obstacles, and is inside the margin of one."""
@@ -43,20 +44,28 @@ class View:
 
     q: np.ndarray
     """(n,)"""
-    tool: pin.SE3
-    target: pin.SE3
+    tools: Targets
+    """Where the tips are"""
+    targets: Targets
+    """Where they are to be"""
+    selected: str
+    """The tip whose target is typed"""
+    has_base_axes: bool
+    """Targets are dragged along the axes of the base, not along their own"""
     position_error: float
-    """[m]"""
+    """The largest of all tips [m]"""
     orientation_error: float
-    """[rad]"""
+    """The largest of all tips [rad]"""
     condition_number: float
     at_limit: list[str]
     """Joints at a limit, such as "joint4 upper" """
     clearances: list[Clearance]
+    overlaps: list[Overlap]
+    """Links that are in each other"""
     tick_seconds: float
     """What control ticks take [s]"""
-    verdict: Verdict | None
-    """On the last target that was looked at"""
+    verdict: Verdict
+    """On the last targets that were looked at"""
     standing: Standing
     """How the arm as it is drawn stands to its target"""
     too_near: list[Clearance]
@@ -68,6 +77,16 @@ class View:
     path: PathView
     notice: str
     """Why distances are not known or obstacles not avoided, if so"""
+
+    @property
+    def tool(self) -> pin.SE3:
+        """Where the selected tip is."""
+        return self.tools[self.selected]
+
+    @property
+    def target(self) -> pin.SE3:
+        """Where it is to be."""
+        return self.targets[self.selected]
 
 
 def limits_at(robot: Robot, q: np.ndarray) -> list[str]:

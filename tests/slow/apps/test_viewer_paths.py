@@ -440,7 +440,7 @@ def test_an_obstacle_on_a_path_that_is_to_be_clear_asks_for_another_answer(sessi
     assert path.success.any()
     for q in path.q[path.success]:
         assert scene.contacts(q, np.inf).distances.min() > MARGIN - 1e-4
-    session.move_obstacle("ball", np.array([3.0, 0, 0]))
+    session.move_obstacle("ball", mq.pose(np.array([3.0, 0, 0])).homogeneous)
     assert session.tick(DT).path.followed is None
 
 

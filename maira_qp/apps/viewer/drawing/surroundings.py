@@ -9,6 +9,7 @@ import numpy as np
 
 from maira_qp.problem.limits.collision import CollisionLimit
 from maira_qp.robots.collision.shapes import Shape
+from maira_qp.robots.model.robot import Robot
 
 MARGIN = 0.02
 """What is kept between the arm and an obstacle [m]."""
@@ -29,6 +30,15 @@ class Clearance(NamedTuple):
     """[m], negative by the depth where they overlap"""
     points: np.ndarray
     """(2, 3) [m], of the link and of the obstacle, in the base"""
+
+
+class Overlap(NamedTuple):
+    """Two links that are in each other."""
+
+    first: str
+    second: str
+    depth: float
+    """[m]"""
 
 
 def too_near(found: Sequence[Clearance]) -> list[Clearance]:
@@ -69,3 +79,21 @@ def clearances(limit: CollisionLimit, q: np.ndarray) -> list[Clearance]:
             points = np.array([point, point + distance * contacts.normals[i]])
             nearest[obstacle] = Clearance(obstacle, link, distance, points)
     return [nearest[obstacle.name] for obstacle in limit.obstacles if obstacle.name in nearest]
+
+
+def self_collision_limit(robot: Robot, directories: Sequence[str]) -> CollisionLimit:
+    """The robot against itself, links aside that are in each other nearly always. Raises `MairaError`."""
+    return CollisionLimit(margin=0.0, allowed="sampled", meshes=directories, missing="ignore").of(robot)
+
+
+def overlaps(limit: CollisionLimit, q: np.ndarray) -> list[Overlap]:
+    """The links of a robot at q (n,) that are in each other, the deepest first."""
+    scene = limit.scene
+    contacts = scene.contacts(q, 0.0)
+    deepest: dict[tuple[str, str], float] = {}
+    for pair, distance in zip(contacts.pairs, contacts.distances, strict=True):
+        if distance < -SLACK:
+            names = tuple(scene.parts[part].name for part in scene.pairs[pair])
+            deepest[names] = max(deepest.get(names, 0.0), -float(distance))  # type: ignore[index, arg-type]
+    found = [Overlap(*names, depth) for names, depth in deepest.items()]
+    return sorted(found, key=lambda one: -one.depth)

@@ -1,8 +1,8 @@
-"""The tab "Obstacles": what stands in the way."""
+"""The tab "Obstacles": solids are put into the way, sized, turned and taken away."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -10,46 +10,90 @@ import viser
 
 from maira_qp.apps.viewer.panel import readout
 from maira_qp.apps.viewer.panel.controls import Ask
+from maira_qp.apps.viewer.panel.fields import Field, PoseFields
+from maira_qp.apps.viewer.panel.solids import KINDS, label_of, resized, sizes_of, solid
+from maira_qp.apps.viewer.quantities import listing
 from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.view import View
-from maira_qp.robots.collision.shapes import Box, Shape, Sphere
+from maira_qp.problem.pose import as_pose
+from maira_qp.robots.collision.shapes import Shape
+
+NO_OBSTACLE = "-"
+REMOVE, REMOVE_ALL = "This one", "All"
 
 
 class ObstaclesTab:
-    """Balls and boxes that are put into the way."""
+    """Balls, boxes, cylinders and capsules that are put into the way."""
 
     def __init__(self, gui: viser.GuiApi, session: Session, ask: Ask) -> None:
-        length = session.robot.length
+        self._ask, self._length = ask, session.robot.length
         self._count = 0
-        ball, box = gui.add_button("Add a ball"), gui.add_button("Add a box")
-        remove = gui.add_button("Remove all", color="gray")
-        avoid = gui.add_checkbox("Keep clear of them", session.is_avoiding)
+        self._obstacles: dict[str, Shape] = {}
+        kinds = gui.add_button_group("Add", KINDS)
+        self._avoid = gui.add_checkbox("Keep clear of them", session.workplace.is_avoiding)
+        self._which = gui.add_dropdown("Obstacle", (NO_OBSTACLE,), visible=False)
+        with gui.add_form(None, visible=False) as self._form:
+            self._size = Field(gui.add_text("radius [mm]", ""))
+            self._pose = PoseFields(gui, pin.SE3.Identity())
+            change = gui.add_button("Change it", icon=viser.Icon.CHECK)
+        self._remove = gui.add_button_group("Remove", (REMOVE, REMOVE_ALL), visible=False)
         self._distances = gui.add_html("")
 
-        def add(kind: Callable[[pin.SE3, str], Shape], name: str) -> None:
-            self._count += 1
-            angle = 2.4 * self._count  # golden: no two in the same place
-            place = pin.SE3(np.eye(3), 0.45 * length * np.array([np.cos(angle), np.sin(angle), 0.9]))
-            shape = kind(place, f"{name} {self._count}")
-            ask.session(f"add {self._count}", lambda session: session.put_obstacle(shape))
+        change.on_click(lambda _: self._form.submit())
+        self._form.on_submit(self._change)
 
-        @ball.on_click
-        def _(_: viser.GuiEvent) -> None:
-            add(lambda place, name: Sphere(0.06 * length, place, name=name), "ball")
+        @kinds.on_click
+        def _(event: viser.GuiEvent) -> None:
+            self._add(event.target.value)
 
-        @box.on_click
+        @self._avoid.on_update
         def _(_: viser.GuiEvent) -> None:
-            add(lambda place, name: Box(np.full(3, 0.12 * length), place, name=name), "box")
-
-        @remove.on_click
-        def _(_: viser.GuiEvent) -> None:
-            ask.session("remove", lambda session: session.remove_obstacles())
-
-        @avoid.on_update
-        def _(_: viser.GuiEvent) -> None:
-            wanted = avoid.value
+            wanted = self._avoid.value
             ask.session("avoid", lambda session: session.avoid(wanted))
 
-    def show(self, view: View) -> None:
-        """How far away they are."""
+        @self._which.on_update
+        def _(_: viser.GuiEvent) -> None:
+            self._size.forget()
+            self._pose.forget()
+
+        @self._remove.on_click
+        def _(event: viser.GuiEvent) -> None:
+            name = self._which.value if event.target.value == REMOVE else None
+            ask.session(f"remove {name}", lambda session: session.remove_obstacles(name))
+
+    def show(self, session: Session, view: View) -> None:
+        """The obstacles, how far away they are, and the one that can be changed."""
+        obstacles = session.workplace.obstacles
+        if tuple(obstacles) != tuple(self._obstacles):
+            added = [name for name in obstacles if name not in self._obstacles]
+            self._which.options = tuple(obstacles) or (NO_OBSTACLE,)
+            if added:
+                self._which.value = added[-1]
+            self._which.visible = self._form.visible = self._remove.visible = bool(obstacles)
+            self._size.forget()
+        self._obstacles = obstacles
+        shape = obstacles.get(self._which.value)
+        if shape is not None:
+            self._size.handle.label, self._size.handle.visible = label_of(shape), bool(label_of(shape))
+            self._size.show(listing(sizes_of(shape)))
+            self._pose.show(shape.pose)
         self._distances.content = readout.distances(view)
+
+    def _add(self, kind: str) -> None:
+        self._count += 1
+        angle = 2.4 * self._count  # golden: no two in the same place
+        place = pin.SE3(np.eye(3), 0.45 * self._length * np.array([np.cos(angle), np.sin(angle), 0.9]))
+        shape = solid(kind, 0.12 * self._length, place, f"{kind.lower()} {self._count}")
+        self._ask.session(f"add {self._count}", lambda session: session.put_obstacle(shape))
+
+    def _change(self, event: viser.GuiEvent) -> None:
+        """Sizes and pose as they were typed."""
+        shape = self._obstacles.get(self._which.value)
+        with self._ask.failures(event.client):
+            if shape is None:
+                return
+            if self._size.is_typed:
+                shape = resized(shape, self._size.text)
+            changed = replace(shape, pose=as_pose(self._pose.typed()))  # type: ignore[type-var]
+            self._size.forget()
+            self._ask.session(shape.name, lambda session: session.put_obstacle(changed))

@@ -7,39 +7,48 @@ import viser
 from maira_qp.apps.viewer.panel import readout
 from maira_qp.apps.viewer.panel.controls import Ask
 from maira_qp.apps.viewer.panel.joints import JointsTab
+from maira_qp.apps.viewer.panel.keyboard import Keyboard
 from maira_qp.apps.viewer.panel.obstacles import ObstaclesTab
-from maira_qp.apps.viewer.panel.reach import ReachTab
 from maira_qp.apps.viewer.panel.recorded import MotionControls
 from maira_qp.apps.viewer.panel.robot import Loaded, RobotTab
+from maira_qp.apps.viewer.panel.solutions import SolutionsTab
+from maira_qp.apps.viewer.panel.target import TargetTab
 from maira_qp.apps.viewer.paths.tab import PathTab
 from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.view import View
 
-KEYS_OF_SLIDERS = """
-<img hidden alt="" src="data:," onerror="
-  if (!window.keysOfSliders) {
-    window.keysOfSliders = true;
-    document.body.addEventListener('keydown', event => {
-      if (event.key.startsWith('Arrow') && event.target.closest('[role=slider], [role=tab]')) event.stopPropagation();
-    });
+WIDTH = 380.0
+"""[pixels]"""
+ON_PHONES = """
+<style>
+  @media (max-width: 767px) {
+    .mantine-Paper-root:has(.maira-qp-panel) { left: 0 !important; width: 100% !important; }
+    .mantine-Paper-root:has(.maira-qp-panel) .mantine-ScrollArea-viewport { max-height: 48vh !important; }
+    .mantine-Paper-root:has(.maira-qp-panel) div:has(.maira-qp-panel) { width: 100% !important; }
   }
-">
+</style>
+<div class="maira-qp-panel" hidden></div>
 """
-"""Arrow keys that move a slider do not turn the camera too, which listens at the document. A page of viser takes no
-scripts of its server in another way."""
+"""On a narrow page the panel is a sheet at the bottom: as wide as the page, and no higher than its lower half."""
 
 
 class Panel:
     """All controls, for one session."""
 
     def __init__(self, gui: viser.GuiApi, session: Session, loaded: Loaded, ask: Ask) -> None:
-        gui.add_html(KEYS_OF_SLIDERS)
+        gui.set_panel_label(f"{session.robot.name} ({', '.join(session.robot.tips)})")
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(WIDTH)
+        self._keyboard = Keyboard(gui, ask)
+        gui.add_html(ON_PHONES)
         self._readout = gui.add_html("")
         tabs = gui.add_tab_group()
-        with tabs.add_tab("Reach"):
-            self._reach = ReachTab(gui, session, ask)
+        with tabs.add_tab("Target"):
+            self._target = TargetTab(gui, session, ask)
         with tabs.add_tab("Joints"):
             self._joints = JointsTab(gui, session, ask)
+        with tabs.add_tab("Solutions"):
+            self._solutions = SolutionsTab(gui, session, ask)
         with tabs.add_tab("Obstacles"):
             self._obstacles = ObstaclesTab(gui, session, ask)
         with tabs.add_tab("Path"):
@@ -52,8 +61,9 @@ class Panel:
     def show(self, session: Session, view: View) -> None:
         """What there is to see."""
         self._readout.content = readout.readout(view)
-        self._reach.show(session, view)
+        self._target.show(view)
         self._joints.show(view)
-        self._obstacles.show(view)
+        self._solutions.show(session, view)
+        self._obstacles.show(session, view)
         self._path.show(view)
         self._motion.show(session)

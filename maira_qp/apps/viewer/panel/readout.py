@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from html import escape
-from math import degrees
 
 import numpy as np
 
 from maira_qp.apps.viewer.answers import Verdict
+from maira_qp.apps.viewer.drawing.ghosts import ghost_colour
 from maira_qp.apps.viewer.drawing.surroundings import MARGIN, Clearance
 from maira_qp.apps.viewer.motion.elbow import Elbow
 from maira_qp.apps.viewer.motion.recording import Recording
 from maira_qp.apps.viewer.paths import words
+from maira_qp.apps.viewer.quantities import angle, length
 from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.view import Standing, View, limits_at
 from maira_qp.results.status import Status
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.analysis.explanation import Explanation
 
-GOOD, POOR, BAD, QUIET = "#1a7f4b", "#b26a00", "#c92a2a", "#868e96"
+GOOD, POOR, BAD, QUIET = "#1a7f4b", "#b26a00", "#c92a2a", "#5c6670"
+SINGULAR = 1e6
+"""A condition number from here on is that of a singular arm."""
 _COLOURS_OF_STANDING = {
     Standing.UNKNOWN: QUIET,
     Standing.REACHED: GOOD,
@@ -35,10 +38,11 @@ def readout(view: View) -> str:
     """The verdict with its reason, and the state of the arm in a table."""
     rows = [
         ("position error", length(view.position_error)),
-        ("orientation error", f"{view.orientation_error:.2e} rad"),
-        ("condition number", f"{view.condition_number:.3g}"),
-        ("active limits", _listed(view.at_limit)),
-        ("time", _times(view)),
+        ("orientation error", angle(view.orientation_error)),
+        ("condition number", _condition(view.condition_number)),
+        ("joints at a limit", _listed(view.at_limit)),
+        ("self-collision", _listed([f"{one.first} - {one.second}, {length(one.depth)} deep" for one in view.overlaps])),
+        ("computed in", _times(view)),
     ]
     cells = "".join(
         f'<tr><td style="color:{QUIET};padding-right:1em">{name}</td><td>{cell}</td></tr>' for name, cell in rows
@@ -60,11 +64,6 @@ def reason(verdict: Verdict) -> str:
     return f"{what}. {_limits(why)}"
 
 
-def length(metres: float) -> str:
-    """A length as it is best read."""
-    return f"{metres:.2e} m" if metres < 1e-4 else f"{1e3 * metres:.1f} mm" if metres < 1 else f"{metres:.2f} m"
-
-
 def distances(view: View) -> str:
     """How far the arm is from each obstacle."""
     if view.notice:
@@ -78,7 +77,7 @@ def distances(view: View) -> str:
 
 
 def solutions(session: Session, view: View) -> str:
-    """How many solutions there are and are shown, how they were found, or why there are none."""
+    """The solutions that are shown, with their colours and costs, how they were found, or why there are none."""
     if not session.shows_ghosts:
         return ""
     ghosts = view.ghosts
@@ -86,10 +85,18 @@ def solutions(session: Session, view: View) -> str:
         return _line("looking for all solutions ...")
     if not ghosts.found:
         return _line(ghosts.note)
-    found, shown = ghosts.found, len(ghosts.q)
+    found, shown = ghosts.found, len(ghosts.shown)
     what = "arcs of solutions" if found[0].arc is not None else "solutions"
     alike = "" if shown == len(found) else f", {shown} that differ are shown"
-    return _line(f"{len(found)} {what}{alike}; {found.method}, {'complete' if found.is_complete else 'maybe not all'}")
+    complete = "complete" if found.is_complete else "maybe not all"
+    head = _line(f"{len(found)} {what}{alike}; {found.method}, {complete}")
+    rows = "".join(
+        f'<tr><td><span style="display:inline-block;width:0.8em;height:0.8em;border-radius:50%;'
+        f'background:rgb{ghost_colour(rank)}"></span></td>'
+        f'<td style="padding:0 1em 0 0.4em">{escape(name)}</td><td>cost {one.cost:.3g}</td></tr>'
+        for name, rank, one in zip(ghosts.names, ghosts.ranks.tolist(), ghosts.shown, strict=True)
+    )
+    return f'{head}<table style="margin:0.3em 0.75em;font-size:0.8em;font-variant-numeric:tabular-nums">{rows}</table>'
 
 
 def ends(robot: Robot, elbow: Elbow | None) -> str:
@@ -135,7 +142,7 @@ def _headline(view: View) -> str:
     """How the arm that is drawn stands to its target, in a word or two and a sentence."""
     verdict, standing = view.verdict, view.standing
     name, colour, full = standing.value, _COLOURS_OF_STANDING[standing], ""
-    if standing is Standing.ANSWERED and verdict is not None:
+    if standing is Standing.ANSWERED:
         status = verdict.solution.status
         name, colour = (
             status.name.replace("_", " "),
@@ -162,7 +169,7 @@ def sentence(view: View) -> str:
         return f"the arm comes no nearer from here, though a better configuration is known{blocking}"
     if standing is Standing.MOVING:
         return "the target can be reached, the arm is on its way"
-    return "..." if view.verdict is None or standing is Standing.UNKNOWN else reason(view.verdict)
+    return "..." if standing is Standing.UNKNOWN else reason(view.verdict)
 
 
 def _pair(one: Clearance) -> str:
@@ -179,7 +186,7 @@ def _limits(why: Explanation) -> str:
     if alone:
         further, least = min(alone, key=lambda pair: pair[0])
         joint, end = least.name.rsplit(" ", 1)
-        amount = length(further) if least.unit == "m" else f"{degrees(further):.1f}°"
+        amount = length(further) if least.unit == "m" else angle(further)
         return f"With {joint} {amount} beyond its {end} limit it would be reached."
     names = ", ".join(why.blocking)
     if not names:
@@ -193,9 +200,13 @@ def _listed(names: list[str]) -> str:
     return f'<span style="color:{BAD}">{escape(", ".join(names))}</span>'
 
 
+def _condition(number: float) -> str:
+    return f"{number:.3g}" if number < SINGULAR else "singular"
+
+
 def _times(view: View) -> str:
     if view.path.station is not None:
         return f"path {1e3 * view.path.station.path.seconds:.0f} ms"
     tick = f"tick {1e6 * view.tick_seconds:.0f} µs" if view.tick_seconds else ""
-    solve = "" if view.verdict is None else f"solve {1e3 * view.verdict.seconds:.2f} ms"
+    solve = f"solve {1e3 * view.verdict.seconds:.2f} ms"
     return ", ".join(part for part in (tick, solve) if part) or "-"

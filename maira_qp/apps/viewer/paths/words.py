@@ -8,6 +8,7 @@ import numpy as np
 
 from maira_qp.apps.viewer.paths.followed import Followed, PathView, Station
 from maira_qp.apps.viewer.paths.route import Route
+from maira_qp.apps.viewer.quantities import angle, length
 
 MOST_PARTS = 4
 """Parts of a path that are listed."""
@@ -74,10 +75,9 @@ def html(view: PathView, good: str, bad: str, quiet: str) -> str:
 
 
 def _error(path: Followed, k: int) -> str:
-    millimetres, degrees = 1e3 * path.solution.position_error[k], np.degrees(path.solution.orientation_error[k])
-    if path.solution.success[k]:
-        return f"reached, {millimetres:.1g} mm and {degrees:.1g}° off"
-    return f"not reached, {millimetres:.3g} mm and {degrees:.3g}° off"
+    position, orientation = float(path.solution.position_error[k]), float(path.solution.orientation_error[k])
+    reached = "reached" if path.solution.success[k] else "not reached"
+    return f"{reached}, {length(position)} and {angle(orientation)} off"
 
 
 def _step(path: Followed, k: int) -> list[str]:

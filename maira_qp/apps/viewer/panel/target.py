@@ -1,0 +1,80 @@
+"""The tab "Target": a pose is typed, read and copied; home, undo, and the axes of the gizmo."""
+
+from __future__ import annotations
+
+import pinocchio as pin
+import viser
+
+from maira_qp.apps.viewer.panel.controls import Ask
+from maira_qp.apps.viewer.panel.copying import copied_lines
+from maira_qp.apps.viewer.panel.fields import PoseFields
+from maira_qp.apps.viewer.quantities import listing, position_text, rpy_text
+from maira_qp.apps.viewer.session import Session
+from maira_qp.apps.viewer.view import View
+from maira_qp.orientation import quaternion_from_matrix
+
+HOME, UNDO, REDO = "Home", "Undo", "Redo"
+TOOL_AXES, BASE_AXES = "Axes of the tool", "Axes of the base"
+
+
+class TargetTab:
+    """Where the tool is to be, and where it is."""
+
+    def __init__(self, gui: viser.GuiApi, session: Session, ask: Ask) -> None:
+        self._ask, self._clicks = ask, 0
+        self._tip = gui.add_dropdown(
+            "Tip", session.robot.tips, initial_value=session.selected, visible=len(session.robot.tips) > 1
+        )
+        with gui.add_form(None) as form:
+            self._fields = PoseFields(gui, session.target)
+            go = gui.add_button("Go there", icon=viser.Icon.TARGET_ARROW)
+        self._steps = gui.add_button_group("Arm", (HOME, UNDO, REDO))
+        stop = gui.add_button(
+            "Put the target to the tool", color="gray", hint="The arm stops where it is, and the target with it"
+        )
+        axes = gui.add_dropdown(
+            "Arrows along", (TOOL_AXES, BASE_AXES), hint="The axes that the target is dragged along, and moved by keys"
+        )
+        self._tool = gui.add_html("")
+
+        go.on_click(lambda _: form.submit())
+
+        @form.on_submit
+        def _(event: viser.GuiEvent) -> None:
+            with ask.failures(event.client):
+                T = self._fields.typed()
+                ask.session("target", lambda session: session.move_target(T))
+
+        @self._tip.on_update
+        def _(_: viser.GuiEvent) -> None:
+            tip = self._tip.value
+            ask.session("tip", lambda session: session.select(tip))
+
+        @self._steps.on_click
+        def _(event: viser.GuiEvent) -> None:
+            step = {HOME: Session.go_home, UNDO: Session.undo, REDO: Session.redo}[event.target.value]
+            self._clicks += 1
+            ask.session(f"step {self._clicks}", step)
+
+        @stop.on_click
+        def _(_: viser.GuiEvent) -> None:
+            ask.session("stop", Session.stop)
+
+        @axes.on_update
+        def _(_: viser.GuiEvent) -> None:
+            has_base_axes = axes.value == BASE_AXES
+            ask.session("axes", lambda session: session.use_axes(has_base_axes))
+
+    def show(self, view: View) -> None:
+        """The target, and where the tool is."""
+        self._fields.show(view.target)
+        self._tool.content = copied_lines(lines_of(view.tool))
+
+
+def lines_of(tool: pin.SE3) -> list[tuple[str, str]]:
+    """A pose as it is copied: name and text."""
+    T, R = tool.translation, quaternion_from_matrix(tool.rotation)
+    return [
+        ("Tool is at x, y, z [mm]; roll, pitch, yaw [deg]", f"{position_text(tool)}; {rpy_text(tool)}"),
+        ("in Python", f"mq.pose([{listing(T, 6)}], quaternion=[{listing(R, 8)}])"),
+    ]
