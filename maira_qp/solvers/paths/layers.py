@@ -18,6 +18,10 @@ CELL, WIDER = 0.15, 1.3
 many."""
 ASIDE = 0.25
 """How far [rad or m] along the self-motion others begin, about."""
+NEAR_LIMIT = 0.3
+"""A configuration this near to a limit [rad] may be held up by it before the next layer."""
+ON_LIMIT = 1e-9
+"""One that is nearer to it than this [rad] is on it."""
 HASH = np.uint64(0x9E3779B97F4A7C15)
 """Odd, its powers tell cells apart, modulo 2^64."""
 FIRST_TIMES = 6
@@ -80,24 +84,52 @@ def layers_of(
         if layers or not is_start_given:
             is_redundant = path.n > path.rank  # else its configurations are few, and none leads to another
             fresh = density.fresh * (1 if layers and is_redundant else FIRST_TIMES)
-            starts = np.concatenate([before, *_aside(before, rng), _anywhere(path, fresh, rng)])
+            starts = [_held_up(path, before), before, *_aside(before, rng), _anywhere(path, fresh, rng)]
+            starts = np.concatenate(starts)
             found, arrived = path.descend(np.full(len(starts), index), starts)
             here = _merged(path, index, here, found[arrived], density.most)
         layers.append(here)
         before = here
     if density.both_ways:
         for k in range(len(layers) - 2, 0 if is_start_given else -1, -1):
-            found, arrived = path.descend(np.full(len(layers[k + 1]), at[k]), layers[k + 1])
+            starts = np.concatenate([_held_up(path, layers[k + 1]), layers[k + 1]])
+            found, arrived = path.descend(np.full(len(starts), at[k]), starts)
             layers[k] = _merged(path, at[k], layers[k], found[arrived], density.most)
     return layers
 
 
 def _merged(path: PathArrays, index: int, here: np.ndarray, found: np.ndarray, most: int) -> np.ndarray:
     """Both, (k, n) and (m, n), at one turn, one of each cell, at most so many."""
-    here = _thinned(path.problem.turns.in_window(np.concatenate([here, found])), most)
-    if path.problem.turns.everywhere.any():
-        here = path.exactly(np.full(len(here), index), here)
-    return here
+    here = path.problem.turns.in_window(np.concatenate([here, found]))
+    at_limits = _at_limits(path, here, ON_LIMIT)
+    kept = _thinned(here, at_limits != here, most)
+    if not path.problem.turns.everywhere.any():
+        return here[kept]
+    return path.problem.turns.in_window(path.exactly(np.full(len(kept), index), at_limits[kept]))
+
+
+def _held_up(path: PathArrays, q: np.ndarray) -> np.ndarray:
+    """Those of the configurations (M, n) that are near a limit but for whole turns, at the turn in which it limits.
+
+    A layer has one turn of all, in which a descent passes where another turn ends. Where only the end itself leads on,
+    as to a pose in the corner of all limits, none of what it finds would do.
+    """
+    there = _at_limits(path, q, NEAR_LIMIT)
+    return there[(there != q).any(axis=1)]
+
+
+def _at_limits(path: PathArrays, q: np.ndarray, near: float) -> np.ndarray:
+    """The configurations (M, n) with joints that are as near as that [rad] to a limit at the turn in which it limits.
+
+    Of joints with a turn or more.
+    """
+    turns, robot, there = path.problem.turns, path.problem.robot, q.copy()
+    for limit, inward in ((robot.lower, 1.0), (robot.upper, -1.0)):
+        limits = turns.everywhere & np.isfinite(limit)
+        room = inward * turns.shortest(q - np.where(limits, limit, 0.0))
+        is_near = limits & (room >= -ON_LIMIT) & (room < near)
+        there = np.where(is_near, limit + inward * np.maximum(room, 0.0), there)
+    return there
 
 
 def _aside(q: np.ndarray, rng: np.random.Generator) -> list[np.ndarray]:
@@ -115,13 +147,13 @@ def _anywhere(path: PathArrays, count: int, rng: np.random.Generator) -> np.ndar
     return rng.uniform(*path.arrays.problem.turns.window, size=(count, path.n))
 
 
-def _thinned(q: np.ndarray, most: int) -> np.ndarray:
-    """One of the configurations (M, n) of each cell, at most so many."""
-    cell, marks = CELL, HASH ** np.arange(1, q.shape[1] + 1, dtype=np.uint64)
+def _thinned(q: np.ndarray, on_limits: np.ndarray, most: int) -> np.ndarray:
+    """Indices of one of the configurations (M, n) of each cell and set of joints (M, n) on limits, at most so many."""
+    cell, marks = CELL, HASH ** np.arange(1, 2 * q.shape[1] + 1, dtype=np.uint64)
     while len(q):
-        keys = np.round(q / cell).astype(np.int64).astype(np.uint64) @ marks
+        keys = np.concatenate([np.round(q / cell).astype(np.int64), on_limits], axis=1).astype(np.uint64) @ marks
         _, first = np.unique(keys, return_index=True)
         if len(first) <= most:
-            return q[np.sort(first)]
+            return np.sort(first)
         cell *= WIDER
-    return q
+    return np.arange(0)

@@ -80,6 +80,19 @@ def test_a_motion_that_begins_in_a_corner_of_the_limits_is_followed_from_anywher
     assert path, path.reason
 
 
+@pytest.mark.parametrize("seed", [9, 26])
+def test_a_motion_that_ends_in_a_corner_of_limits_with_turns_is_followed_from_its_start(seed):
+    """Only the corner itself is within the limits there, at one of the turns of the joints."""
+    robot, rng, u = load("xarm7"), np.random.default_rng(seed), np.linspace(0, 1, 150)[:, None]
+    start = robot.lower + (robot.upper - robot.lower) * rng.uniform(0.3, 0.7, size=7)
+    corner = np.where(rng.random(7) < 0.5, robot.lower, robot.upper)
+    a, b = rng.uniform(robot.lower, robot.upper, size=(2, 7))
+    motion = (1 - u) ** 3 * start + 3 * u * (1 - u) ** 2 * a + 3 * u**2 * (1 - u) * b + u**3 * corner
+    p = mq.Solver(robot).track([robot.forward(q) for q in motion], motion[0])
+    assert p, p.reason
+    assert ((robot.lower <= p.q) & (p.q <= robot.upper)).all()
+
+
 def test_between_its_poses_the_tool_stays_on_the_path(rng):
     robot = mq.Robot.maira()
     targets = poses_along(robot, smooth_motion(robot, rng))
