@@ -190,3 +190,43 @@ def test_a_sum_of_a_urdf_has_one_end_or_both():
     (limit,) = robot.sum_limits
     assert (limit.lower, limit.upper, dict(limit.coefficients)) == (-np.inf, 1.0, {"joint1": 1.0, "joint2": -2.0})
     assert [name for name, _ in mq.Solver(robot).limits[-1].named_rows(1)] == ["s upper"]
+
+
+def test_followers_and_fixed_joints_count_in_a_sum_where_they_stand(rng):
+    """By the reference values of all joints: those that lead, follow, rest beside the chain, and are fixed."""
+    joint = (
+        '<joint name="{0}" type="{2}"><parent link="{1}"/><child link="l{0}"/><axis xyz="0 0 1"/>'
+        '<limit lower="{3}" upper="2"/>{4}</joint><link name="l{0}"/>'
+    )
+    follows = '<mimic joint="a" multiplier="2" offset="0.1"/>'
+    tree = joint.format("a", "base", "revolute", -2, "") + joint.format("b", "la", "revolute", -9, follows)
+    tree += joint.format("c", "lb", "revolute", -2, "") + joint.format("rest", "base", "revolute", 0.5, "")
+    tree += joint.format("fixed", "base", "fixed", 0, "")
+    terms = "".join(
+        f'<term joint="{name}" coefficient="{factor}" {at}/>'
+        for name, factor, at in (
+            ("a", 1, ""),
+            ("b", 0.5, ""),
+            ("c", -3, ""),
+            ("rest", 2, ""),
+            ("fixed", 1, 'at="0.25"'),
+        )
+    )
+    element = f'<sum_limit name="s" lower="-1" upper="2">{terms}</sum_limit>'
+    text = f'<robot name="r"><link name="base"/>{tree}{element}</robot>'
+    robot = mq.Robot.from_urdf(text, tip="lc")
+    assert robot.joint_names == ("a", "c")
+    (limit,) = robot.sum_limits
+    for _ in range(5):
+        a, c = rng.uniform(-1, 1, 2)
+        whole = a + 0.5 * (2 * a + 0.1) - 3 * c + 2 * 0.5 + 0.25
+        part = limit.coefficients["a"] * a + limit.coefficients["c"] * c
+        assert whole - part == pytest.approx(-1 - limit.lower) == pytest.approx(2 - limit.upper)
+    for again in (mq.Robot.from_urdf(robot.urdf, tip="lc"), pickle.loads(pickle.dumps(robot))):
+        assert again.sum_limits[0].lower == pytest.approx(limit.lower)
+    placed = robot.at_rest({"rest": 1.0}).sum_limits[0]
+    assert placed.lower == pytest.approx(limit.lower - 1.0)
+    a_fixed = robot.locked({"a": 0.2})
+    for each in (a_fixed, mq.Robot.from_urdf(a_fixed.urdf, tip="lc")):
+        assert dict(each.sum_limits[0].coefficients) == {"c": -3.0}
+        assert each.sum_limits[0].upper == pytest.approx(limit.upper - 0.4)
