@@ -43,7 +43,7 @@ class Problem:
     robot: Robot
     hierarchy: TaskHierarchy
     additional_limits: tuple[Limit, ...]
-    """Hard limits beside those of the joints, those that come with the robot first"""
+    """Hard limits beside those of the joints, those that the robot brings with it first"""
     redundancy: Weighted | Strict | None
     options: Options
     box: ChangeBox | None = None
@@ -75,10 +75,18 @@ class Problem:
                 "Weighted puts its objective into the first level, and there are levels below; "
                 "use mq.ObjectiveTask(objective, weight, priority) or Strict(...)"
             )
-        further = (*limits_of_robot(robot), *(limit.of(robot) for limit in limits))
-        problem = Problem(robot, hierarchy, further, None, options or Options())
+        further, options = tuple(limit.of(robot) for limit in limits), options or Options()
+        problem = Problem(robot, hierarchy, further, None, options)
         problem = problem if redundancy is None else problem.with_redundancy(redundancy.of(robot))
         problem.places  # noqa: B018  (names that are given twice are refused)
+        return problem
+
+    def with_limits_of_robot(self) -> Problem:
+        """The same with the limits that its robot brings with it. Raises `OptionError` for their name, given twice."""
+        if not self.robot.sum_limits:
+            return self
+        problem = replace(self, additional_limits=(*limits_of_robot(self.robot), *self.additional_limits))
+        problem.places  # noqa: B018
         return problem
 
     def with_redundancy(self, redundancy: Weighted | Strict | None) -> Problem:

@@ -92,7 +92,8 @@ class Solver(Shown):
                 None: `PoseTask()` for each tip of the robot.
             tasks: additional tasks and objectives, at the same priority or at lower ones. A task without a target of
                 its own takes it from the call, by its frame.
-            limits: additional hard limits, such as `LinearLimit(A, b)`; the joint limits always hold.
+            limits: additional hard limits, such as `LinearLimit(A, b)`; the joint limits always hold, and so do the
+                limits of sums that the robot brings with it (`Robot.sum_limits`).
             redundancy: secondary objective: `Weighted(...)`, `Strict(...)`, or None: the tasks alone.
             backend: QP backend: the name of an installed backend of qpsolvers, or `Backend(name, settings)`;
                 "compiled": compiled code, with daqp for what it does not know; None: the default, "compiled" for one
@@ -102,9 +103,8 @@ class Solver(Shown):
 
         Raises `OptionError`, `FrameError`, `BackendError`.
         """
-        self.problem = Problem.build(
-            robot, task=task, tasks=tasks, limits=limits, redundancy=redundancy, options=options
-        )
+        problem = Problem.build(robot, task=task, tasks=tasks, limits=limits, redundancy=redundancy, options=options)
+        self.problem = problem.with_limits_of_robot()
         self.engines = Engines.build(self.problem, backend)
         self._given = {
             "task": tuple(task) if isinstance(task, list) else task,

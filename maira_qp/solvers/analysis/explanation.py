@@ -250,11 +250,10 @@ class _Question:
         problem = Problem.build(
             robot.released(limits) if limits else robot,
             task=self.problem.tasks,
+            limits=[limit for limit in self.context.further if not any(limit is one for one in gone)],
             redundancy=Strict(Posture(self.q, held)),
             options=replace(options, max_restarts=restarts if everywhere else 0, deadline=None),
         )
-        kept = tuple(limit for limit in self.context.further if not any(limit is one for one in gone))
-        problem = replace(problem, additional_limits=kept)
         return self.resolve(problem, {key: self.poses[key] for key in problem.target_keys}, self.q)
 
     def position_alone(self) -> tuple[float | None, bool]:

@@ -7,10 +7,13 @@ redundancy more: six axes become seven, and whoever follows paths needs to know 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
+from maira_qp.problem.limits.linear import LinearLimit
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.targets import Targets
 from maira_qp.problem.tasks.frame import PoseTask
@@ -43,7 +46,7 @@ def hint(problem: Problem) -> str:
 
 
 def with_joint(problem: Problem, axis: int) -> Problem:
-    """The problem of the arm with a joint more about the axis: its whole pose, and no limits but those of joints."""
+    """The problem of the arm with a joint more about the axis: its whole pose, and limits of the joints alone."""
     robot, task = problem.robot, problem.tasks[0]
     model, tip = robot.model.copy(), robot.model.frames[robot.frame_id(robot.tip)]
     joint = model.addJoint(tip.parentJoint, TURNING[axis](), tip.placement, NAME)
@@ -51,7 +54,9 @@ def with_joint(problem: Problem, axis: int) -> Problem:
     weights = np.asarray(task.all_weights)  # type: ignore[attr-defined]
     whole = PoseTask(position_weight=float(weights[0]), orientation_weight=float(weights[3:].max()))
     turning = Robot.from_model(model, tip=NAME, name=robot.name)
-    return Problem.build(turning, task=whole, options=problem.options)
+    linear = [limit for limit in problem.additional_limits if isinstance(limit, LinearLimit)]
+    wider = [replace(limit, A=np.pad(limit.A, ((0, 0), (0, 1)))) for limit in linear]
+    return Problem.build(turning, task=whole, limits=wider, options=problem.options)
 
 
 def start_with_joint(robot: Robot, q: np.ndarray, target: pin.SE3, axis: int) -> np.ndarray:

@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+from support.robots import load
 
 import maira_qp as mq
 from maira_qp.errors import ConfigurationError, OptionError, RobotError
@@ -155,9 +156,26 @@ def test_paths_keep_the_range_of_a_tendon(rng):
 
 
 def test_an_explanation_names_the_tendon(hand):
-    s = mq.Solver(hand, task=mq.PositionTask(), options=mq.Options(max_restarts=5)).solve(mq.pose([0.9, 0, 0.0]))
-    assert "parallelogram upper" in s.active_limits
-    assert "parallelogram upper" in str(s.explain())
+    """Where it stands in the way of a pose that is reached without it."""
+    q = np.array([0.1, 0.7, 0.4, 0.5, 0.3, 0.05])
+    s = mq.Solver(hand, options=mq.Options(max_restarts=0)).solve(hand.forward(q), q0=q - [0, 0.2, 0.2, 0, 0, 0])
+    assert not s.success
+    assert s.active_limits == ["parallelogram upper"]
+    assert "parallelogram upper blocks" in str(s.explain())
+    assert s.explain().is_reached_without
+
+
+def test_a_path_with_a_free_axis_keeps_sums():
+    """One on which an arm that only knows the ranges of its joints goes elsewhere."""
+    element = '<sum_limit name="split" lower="-0.5" upper="0.2"><term joint="panda_joint1"/>'
+    element += '<term joint="panda_joint3" coefficient="2"/><term joint="panda_joint7" coefficient="0.5"/></sum_limit>'
+    text = load("panda").urdf.replace("</robot>", f"{element}</robot>")
+    robot, rng = mq.Robot.from_urdf(text, tip="panda_hand_tcp"), np.random.default_rng(1)
+    ends = [robot.random_configuration(rng) for _ in range(2)]
+    path = [robot.forward((1 - share) * ends[0] + share * ends[1]) for share in np.linspace(0, 1, 20)]
+    answer = mq.Solver(robot, task=mq.PoseTask(orientation_weight=[1, 1, 0], axes="target")).track(path)
+    assert answer.success.all()
+    assert (np.abs(answer.q @ [1, 0, 2, 0, 0, 0, 0.5] + 0.15) <= 0.35 + 1e-9).all()
 
 
 def test_limits_at_load_are_those_of_the_joint_that_follows_several():
