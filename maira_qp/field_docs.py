@@ -38,12 +38,18 @@ def show_fields(kinds: list[object]) -> None:
 @cache
 def _paragraphs(kind: type) -> list[str]:
     """The heading, and name and docstring of each public field that has one."""
-    told = dict[str, str]()
-    for each in reversed(kind.__mro__):
-        told.update(_of_own_fields(each))
+    told = docs_of_fields(kind)
     names = [one.name for one in fields(kind) if not one.name.startswith("_") and one.name in told]  # type: ignore[arg-type]
     made = [f"{name}: {' '.join(told[name].split())}" for name in names]
     return ["Fields:"] * bool(made) + [textwrap.indent("\n".join(textwrap.wrap(one, WIDTH)), "    ") for one in made]
+
+
+def docs_of_fields(kind: type) -> dict[str, str]:
+    """The docstrings of a data class's fields, those that it has inherited too, by their names."""
+    told = dict[str, str]()
+    for each in reversed(kind.__mro__):
+        told.update(_of_own_fields(each))
+    return told
 
 
 def _of_own_fields(kind: type) -> dict[str, str]:

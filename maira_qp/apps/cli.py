@@ -8,12 +8,13 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, get_args
+from typing import Any, Union, get_args
 
 import tyro
 
 import maira_qp
 from maira_qp.apps.arguments.naming import in_flags
+from maira_qp.apps.arguments.optional import command
 from maira_qp.apps.commands.bench import Bench
 from maira_qp.apps.commands.cache import Cache
 from maira_qp.apps.commands.compare import Compare
@@ -30,50 +31,41 @@ from maira_qp.apps.commands.solve import Solve
 from maira_qp.apps.commands.track import Track
 from maira_qp.apps.commands.urdf import Urdf
 from maira_qp.apps.commands.view import View
-from maira_qp.apps.left_pipes import drop_output, replace_closed_streams
+from maira_qp.apps.left_pipes import drop_output, reader_may_leave, replace_closed_streams
+from maira_qp.apps.overview import print_details, print_overview
 from maira_qp.errors import MairaError, OptionError, listed
 
 MISUSE = 2
 INTERRUPTED = 130
 PIPE_CLOSED = 141
+HELP = {"-h", "--help"}
 
-DESCRIPTION = """Constrained inverse kinematics by quadratic programming.
-
-Lengths are in m, angles in rad (solve, track and fk: in deg with --deg), times in s; quaternions are W X Y Z.
-
-Exit codes: 0 done, and for solve: solved, for track: followed whole; 1 not solved, the nearest found is printed, or not
-followed whole; 3 proved to be out of reach; 4 neither, the budget was spent; of doctor: 1 something is at fault; of
-job: 1 not finished, or damaged; of place: 1 no base reaches all;
-2 misuse, told on stderr; 130 interrupted; 141 the reader of the output went away before the verdict was known;
-143 terminated.
-
-maira-qp --version prints the version; maira-qp --tyro-print-completion bash (zsh, fish) prints shell completions."""
-
-Command = (
-    Annotated[Solve, tyro.conf.subcommand("solve")]
-    | Annotated[Track, tyro.conf.subcommand("track")]
-    | Annotated[Fk, tyro.conf.subcommand("fk")]
-    | Annotated[Urdf, tyro.conf.subcommand("urdf")]
-    | Annotated[Reach, tyro.conf.subcommand("reach")]
-    | Annotated[Place, tyro.conf.subcommand("place")]
-    | Annotated[Dataset, tyro.conf.subcommand("dataset")]
-    | Annotated[Job, tyro.conf.subcommand("job")]
-    | Annotated[Robots, tyro.conf.subcommand("robots")]
-    | Annotated[Compare, tyro.conf.subcommand("compare")]
-    | Annotated[Bench, tyro.conf.subcommand("bench")]
-    | Annotated[Plot, tyro.conf.subcommand("plot")]
-    | Annotated[View, tyro.conf.subcommand("view")]
-    | Annotated[Doctor, tyro.conf.subcommand("doctor")]
-    | Annotated[Compile, tyro.conf.subcommand("compile")]
-    | Annotated[Cache, tyro.conf.subcommand("cache")]
-)
+COMMANDS: dict[str, type] = {
+    "solve": Solve,
+    "track": Track,
+    "fk": Fk,
+    "robots": Robots,
+    "view": View,
+    "plot": Plot,
+    "urdf": Urdf,
+    "reach": Reach,
+    "place": Place,
+    "dataset": Dataset,
+    "job": Job,
+    "compare": Compare,
+    "bench": Bench,
+    "doctor": Doctor,
+    "compile": Compile,
+    "cache": Cache,
+}
+Command = Union[tuple(command(kind, name) for name, kind in COMMANDS.items())]  # type: ignore[valid-type]  # noqa: UP007
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command and returns its exit code; `arguments` None: those of the process."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     replace_closed_streams()
-    code = PIPE_CLOSED
+    code = 0 if HELP & set(arguments) else PIPE_CLOSED
     try:
         with _terminable():
             code = _run(arguments)
@@ -117,7 +109,11 @@ def _run(arguments: list[str]) -> int:
     if arguments == ["--version"]:
         sys.stdout.write(f"maira-qp {maira_qp.__version__}\n")
         return 0
-    if arguments in ([], ["plot"], ["job"]):  # who names no command is shown them all
+    if arguments in (["--help"], ["-h"], []):  # who names no command is shown them all
+        with reader_may_leave():
+            print_overview(COMMANDS, sys.stdout if arguments else sys.stderr)
+        return 0 if arguments else MISUSE
+    if arguments in (["plot"], ["job"]):
         with contextlib.redirect_stdout(sys.stderr):
             _run([*arguments, "--help"])
         return MISUSE
@@ -140,7 +136,7 @@ def _words(reason: MairaError | OSError) -> str:
     return str(reason) if reason.filename is None else f"{reason.strerror}: {str(reason.filename)!r}"
 
 
-def parse(arguments: list[str]) -> Command:
+def parse(arguments: list[str]) -> Any:
     """The command with its flags. Raises `MairaError` for a bad value, `SystemExit` after help or a bad flag."""
     _check_word(arguments[:1], "command", Command)
     if arguments[:1] == ["plot"]:
@@ -150,8 +146,10 @@ def parse(arguments: list[str]) -> Command:
     told = io.StringIO()
     try:
         with contextlib.redirect_stderr(told):
-            return tyro.cli(Command, args=arguments, prog="maira-qp", description=DESCRIPTION)  # type: ignore[arg-type]
+            return tyro.cli(Command, args=arguments, prog="maira-qp", config=(tyro.conf.DisallowNone,))
     except SystemExit as end:
+        if not end.code and HELP & set(arguments):
+            print_details(_kind(arguments))
         reason: BaseException | None = end
         while reason is not None:  # tyro wraps what a class of flags raises: its own words say it better
             if isinstance(reason, MairaError):
@@ -159,6 +157,16 @@ def parse(arguments: list[str]) -> Command:
             reason = reason.__context__
         sys.stderr.write(told.getvalue())
         raise
+
+
+def _kind(arguments: list[str]) -> type:
+    """The class of the command that arguments begin with."""
+    kind = COMMANDS[arguments[0]]
+    pictures_or_actions = {"plot": Pictures, "job": JobActions}.get(arguments[0])
+    for member in get_args(pictures_or_actions):
+        if get_args(member)[1].name in arguments[1:2]:
+            return get_args(member)[0]  # type: ignore[no-any-return]
+    return kind
 
 
 def _check_word(words: list[str], kind: str, union: Any) -> None:

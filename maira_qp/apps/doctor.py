@@ -132,7 +132,7 @@ def backends() -> Iterator[Finding]:
         except BackendError as reason:
             yield Finding("backends", name, failed, str(reason), f"pip install --upgrade {package}")
             continue
-        told = f"solves a small QP, with an error of {error:.0e}"
+        told = f"a small QP solved, error {error:.0e}"
         if error < SOLVED:
             yield Finding("backends", name, State.WELL, told)
         else:

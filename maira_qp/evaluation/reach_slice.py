@@ -37,11 +37,14 @@ def reach_slice(
     at: float = 0.0,
     cells: int = 80,
     progress: Callable[[int, int], object] | None = None,
+    seed: int = 0,
+    threads: int | None = None,
 ) -> ReachSlice:
     """Ask for cells x cells positions on a plane of the base, all with one orientation (3, 3).
 
     `plane` is "xy", "xz" or "yz", `at` its place [m] along the third axis. The window holds what the tool can reach,
-    by random configurations. Raises `OptionError`, `PoseError`.
+    by random configurations; `progress`, `seed` and `threads` are as for `Solver.solve_batch`. Raises `OptionError`,
+    `PoseError`.
     """
     if plane not in PLANES:
         raise OptionError(f"plane must be one of {', '.join(PLANES)}, got {plane!r}")
@@ -55,7 +58,7 @@ def reach_slice(
     targets[..., :3, :3] = rotation
     targets[..., :3, 3] = at
     targets[..., first, 3], targets[..., second, 3] = np.meshgrid(x, y)
-    batch = solver.solve_batch(targets.reshape(-1, 4, 4), progress=progress)
+    batch = solver.solve_batch(targets.reshape(-1, 4, 4), seed=seed, threads=threads, progress=progress)
     return ReachSlice(x, y, batch.status.reshape(cells, cells))
 
 

@@ -6,8 +6,10 @@ Each file is written beside its place and renamed into it, so that there is a wh
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -30,11 +32,41 @@ ENDINGS = {".ros.json": "ros", ".csv": "csv", ".npz": "npz", ".parquet": "parque
 """Formats by the end of a file's name, the longer ends first."""
 
 
-def save(result: Motion, file: str | os.PathLike[str], format: str | None = None) -> Path:
+@dataclass(frozen=True)
+class TableUnits:
+    """Units of a table: radians and metres, or degrees, millimetres, which its headings then say."""
+
+    degrees: bool = False
+    millimetres: bool = False
+
+    def heading(self, name: str, slides: bool, per: str = "") -> str:
+        """A heading, such as "q_joint1 [deg]": with the unit where it is not rad or m."""
+        unit = ("mm" if self.millimetres else "") if slides else ("deg" if self.degrees else "")
+        return f"{name} [{unit}{per}]" if unit else name
+
+    def scale(self, slides: Any) -> Any:
+        """What 1 m, of what `slides`, or 1 rad is in these units; like `slides` a bool, or an array of them."""
+        return np.where(slides, 1e3 if self.millimetres else 1.0, 180.0 / math.pi if self.degrees else 1.0)
+
+
+SI = TableUnits()
+OF_LENGTH, OF_ANGLE = {"position_error": "", "tool_speed": "/s"}, {"orientation_error": ""}
+OF_JOINTS = {"q": "", "velocity": "/s", "acceleration": "/s^2"}
+"""Columns with units, and what of time these are by."""
+
+
+def save(
+    result: Motion,
+    file: str | os.PathLike[str],
+    format: str | None = None,
+    *,
+    degrees: bool = False,
+    millimetres: bool = False,
+) -> Path:
     """Write a path or a trajectory to a file, whole or not at all; missing folders are made. Returns its path.
 
     CSV and Parquet have a row for each pose or sample; NPZ has the same as arrays, with q (N, n) and `joint_names`;
-    JSON is `result.as_dict()`. Units are those of the result: m, rad, s.
+    JSON is `result.as_dict()`. Units are those of the result: m, rad, s, unless other ones are asked for.
 
     Args:
         result: a `PathSolution` or `Trajectory`.
@@ -43,6 +75,9 @@ def save(result: Motion, file: str | os.PathLike[str], format: str | None = None
             .parquet, .json, .ros.json or .rrd. "ros": the message `trajectory_msgs/JointTrajectory` as JSON; of a path
             it needs the times that `track(..., dt=...)` says. "rerun": joints, errors and the arm over time for the
             Rerun viewer (`maira-qp[rerun]`).
+        degrees: angles of CSV, Parquet and NPZ in degrees, as headings such as "q_joint1 [deg]" say, of NPZ the array
+            `q_units`. JSON, ROS and Rerun have radians always.
+        millimetres: lengths of these in millimetres, as headings say.
 
     Raises `OptionError` for another format or name, a format whose extra is not installed, a path without times, and a
     pickled result for "rerun"; `OSError`.
@@ -54,13 +89,13 @@ def save(result: Motion, file: str | os.PathLike[str], format: str | None = None
     path = Path(file)
     format = format_of(path, format)
     with replacing(path) as opened:
-        stream(result, opened, format)
+        stream(result, opened, format, TableUnits(bool(degrees), bool(millimetres)))
     return path
 
 
-def stream(result: Motion, file: BinaryIO, format: str) -> None:
+def stream(result: Motion, file: BinaryIO, format: str, units: TableUnits = SI) -> None:
     """Write the same to a stream. Raises as `save` does."""
-    WRITERS[format](file, result)
+    WRITERS[format](file, result, units)
 
 
 def format_of(path: Path, format: str | None = None) -> str:
@@ -95,34 +130,55 @@ def columns(result: Motion) -> dict[str, np.ndarray]:
     }
 
 
-def _table(result: Motion) -> ColumnTable:
+def _table(result: Motion, units: TableUnits) -> ColumnTable:
     """A column for each joint in place of the arrays."""
-    flat = {}
-    for name, array in columns(result).items():
-        if array.ndim == 1:
-            flat[name] = array
+    flat, slides = {}, [unit == "m" for unit in result.q_units]
+    for name, array in _in_units(result, units).items():
+        if name in OF_JOINTS:
+            for i, joint in enumerate(result.joint_names):
+                flat[units.heading(f"{name}_{joint}", slides[i], OF_JOINTS[name])] = array[:, i]
+        elif name in OF_LENGTH or name in OF_ANGLE:
+            flat[units.heading(name, name in OF_LENGTH, (OF_LENGTH | OF_ANGLE)[name])] = array
         else:
-            flat |= {f"{name}_{joint}": array[:, i] for i, joint in enumerate(result.joint_names)}
+            flat[name] = array
     return ColumnTable(flat)
 
 
-def _write_csv(file: BinaryIO, result: Motion) -> None:
-    write_csv(file, _table(result), {})
+def _in_units(result: Motion, units: TableUnits) -> dict[str, np.ndarray]:
+    """`columns` in other units."""
+    found = columns(result)
+    if units == SI:
+        return found
+    slides = np.array([unit == "m" for unit in result.q_units])
+    for name, array in found.items():
+        if name in OF_JOINTS:
+            found[name] = array * units.scale(slides)
+        elif name in OF_LENGTH or name in OF_ANGLE:
+            found[name] = array * units.scale(name in OF_LENGTH)
+    return found
 
 
-def _write_parquet(file: BinaryIO, result: Motion) -> None:
-    write_parquet(file, _table(result), {})
+def _write_csv(file: BinaryIO, result: Motion, units: TableUnits) -> None:
+    write_csv(file, _table(result, units), {})
 
 
-def _write_npz(file: BinaryIO, result: Motion) -> None:
-    write_npz(file, ColumnTable({}), {**columns(result), "joint_names": np.array(result.joint_names, dtype=str)})
+def _write_parquet(file: BinaryIO, result: Motion, units: TableUnits) -> None:
+    write_parquet(file, _table(result, units), {})
 
 
-def _write_json(file: BinaryIO, result: Motion) -> None:
+def _write_npz(file: BinaryIO, result: Motion, units: TableUnits) -> None:
+    names = {"joint_names": np.array(result.joint_names, dtype=str)}
+    if units != SI:
+        named = {"m": "mm" if units.millimetres else "m", "rad": "deg" if units.degrees else "rad"}
+        names["q_units"] = np.array([named[unit] for unit in result.q_units])
+    write_npz(file, ColumnTable({}), {**_in_units(result, units), **names})
+
+
+def _write_json(file: BinaryIO, result: Motion, _: TableUnits) -> None:
     _dump(file, result.as_dict())
 
 
-def _write_ros(file: BinaryIO, result: Motion) -> None:
+def _write_ros(file: BinaryIO, result: Motion, _: TableUnits) -> None:
     _dump(file, joint_trajectory(result.joint_names, columns(result)))
 
 
@@ -130,12 +186,12 @@ def _dump(file: BinaryIO, value: Any) -> None:
     file.write((json.dumps(value, allow_nan=False) + "\n").encode())
 
 
-def _write_rerun(file: BinaryIO, result: Motion) -> None:
+def _write_rerun(file: BinaryIO, result: Motion, _: TableUnits) -> None:
     values = columns(result)
     write_rerun(file, result.robot, values)
 
 
-WRITERS: dict[str, Callable[[BinaryIO, Motion], None]] = {
+WRITERS: dict[str, Callable[[BinaryIO, Motion, TableUnits], None]] = {
     "csv": _write_csv,
     "npz": _write_npz,
     "parquet": _write_parquet,

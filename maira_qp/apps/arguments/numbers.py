@@ -6,6 +6,8 @@ from typing import Annotated
 
 from tyro.constructors import PrimitiveConstructorSpec
 
+from maira_qp.apps.arguments.optional import UNSAID
+
 
 def _numbers(count: int | str, metavar: str) -> PrimitiveConstructorSpec:
     """How tyro reads so many numbers ("*": any) or leaves them None."""
@@ -18,8 +20,9 @@ def _numbers(count: int | str, metavar: str) -> PrimitiveConstructorSpec:
     )
 
 
-Position = Annotated[tuple[float, ...] | None, _numbers(3, "X Y Z")]
-Quaternion = Annotated[tuple[float, ...] | None, _numbers(4, "W X Y Z")]
-Rpy = Annotated[tuple[float, ...] | None, _numbers(3, "ROLL PITCH YAW")]
-JointValues = Annotated[tuple[float, ...] | None, _numbers("*", "Q1 Q2 ...")]
-Range = Annotated[tuple[float, ...] | None, _numbers("*", "LOWER UPPER")]
+Position = Annotated[tuple[float, ...] | None, _numbers(3, "X Y Z"), UNSAID]
+Quaternion = Annotated[tuple[float, ...] | None, _numbers(4, "W X Y Z"), UNSAID]
+Rpy = Annotated[tuple[float, ...] | None, _numbers(3, "ROLL PITCH YAW"), UNSAID]
+ToolPose = Annotated[tuple[float, ...] | None, _numbers("*", "X Y Z ..."), UNSAID]
+JointValues = Annotated[tuple[float, ...] | None, _numbers("*", "Q1 Q2 ..."), UNSAID]
+Range = Annotated[tuple[float, ...] | None, _numbers("*", "LOWER UPPER"), UNSAID]

@@ -6,11 +6,13 @@ import contextlib
 import json
 import math
 import os
+import re
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from shutil import get_terminal_size
+from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 from rich.console import Console
@@ -28,6 +30,8 @@ VERDICTS = {"CONVERGED": 0, "NEAREST": 1, "UNREACHABLE": 3, "BUDGET_SPENT": 4, "
 
 PICTURES = (".png", ".svg", ".pdf")
 NO_PICTURE = "pictures need matplotlib: pip install 'maira-qp[plot]'"
+WIDTH_OF_NAMES = 24
+"""Columns of a name in a table."""
 WIDTH_OF_FILES = 160
 """Columns of a table that goes into a file or a pipe, where no terminal tells."""
 
@@ -44,6 +48,11 @@ def console(*, stderr: bool = False) -> Console:
     stream = sys.stderr if stderr else sys.stdout
     width = None if stream.isatty() or "COLUMNS" in os.environ else WIDTH_OF_FILES
     return _Console(file=stream, width=width, markup=False, highlight=False)
+
+
+def console_of_help(stream: TextIO, widest: int) -> Console:
+    """A console on a stream, as wide as the terminal, or as COLUMNS says, within limits; 80 where there is neither."""
+    return _Console(file=stream, width=min(get_terminal_size((80, 24)).columns, widest), highlight=False)
 
 
 def picture_is_possible(path: Path) -> bool:
@@ -106,15 +115,31 @@ def numbers(values: Any) -> str:
     return " ".join(f"{value:11.6f}" for value in values)
 
 
+def folded(name: str, width: int = WIDTH_OF_NAMES) -> str:
+    """A name in lines of so many columns, broken behind its underscores where that is possible; none of it is left out.
+
+    For tables of 80 columns: names of joints and links are as long as 60 characters.
+    """
+    lines = [""]
+    for part in re.findall(r"[^_/.-]+[_/.-]*|[_/.-]+", name):
+        if len(lines[-1]) + len(part) > width and lines[-1]:
+            lines.append("")
+        while len(part) > width:
+            lines[-1], part = part[:width], part[width:]
+            lines.append("")
+        lines[-1] += part
+    return "\n".join(lines)
+
+
 def joint_table(names: Sequence[str], q: np.ndarray, units: Sequence[str], limits: Sequence[str] = ()) -> Table:
     """Joint values, a row each; `limits` says for each joint which of its limits it stands on, if any."""
     table = Table()
     table.add_column("joint")
-    table.add_column("value", justify="right")
+    table.add_column("value", justify="right", no_wrap=True)
     if any(limits):
         table.add_column("limit")
     for i, name in enumerate(names):
-        table.add_row(name, f"{q[i]:.9g} {units[i]}", *([limits[i]] if any(limits) else []))
+        table.add_row(folded(name), f"{q[i]:.9g} {units[i]}", *([limits[i]] if any(limits) else []))
     return table
 
 

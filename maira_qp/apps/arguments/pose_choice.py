@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import tyro
 
 from maira_qp.apps.arguments.numbers import Position, Quaternion, Rpy
+from maira_qp.apps.arguments.optional import Flag, Maybe, explained
 from maira_qp.arrays import real_array
 from maira_qp.errors import PoseError
 from maira_qp.regular_files import read_regular
@@ -28,6 +28,7 @@ MAX_BYTES = 2**20
 """Largest file of a matrix that is read [bytes]."""
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class PoseChoice:
     """Where the tool is to be."""
@@ -38,10 +39,10 @@ class PoseChoice:
     """Wanted orientation as a unit quaternion, scalar first; without any orientation: that of the base."""
     rpy: Rpy = None
     """Wanted orientation as roll, pitch, yaw about fixed axes [rad, or deg with --deg]."""
-    matrix: Path | None = None
+    matrix: Maybe[Path] = None
     """File with the wanted pose as 4x4 numbers (or 3x3, the orientation alone): text, .json or .npy; its position in m,
     or mm with --mm."""
-    project: tyro.conf.FlagCreatePairsOff[bool] = False
+    project: Flag = False
     """Take the nearest rotation to a rounded matrix or quaternion, on purpose."""
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from maira_qp.apps.arguments.optional import Maybe, explained
 from maira_qp.errors import OptionError
 
 if TYPE_CHECKING:
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
 DEFAULT_WEIGHT = 1e-3
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class RedundancyChoice:
     """What the redundancy is used for."""
@@ -20,7 +22,7 @@ class RedundancyChoice:
     redundancy: Literal["none", "weighted", "fading", "strict"] = "none"
     """Joints near mid-range: no wish (none), traded for the pose at --weight (weighted), the same with a weight that
     fades as the pose is reached (fading), or as far as the pose allows (strict)."""
-    weight: float | None = None
+    weight: Maybe[float] = None
     """What the posture counts beside the squared pose error, with --redundancy weighted or fading; > 0; none: 1e-3."""
 
     def load(self) -> Weighted | Strict | None:

@@ -9,6 +9,7 @@ from typing import Annotated
 import tyro
 
 from maira_qp.apps.arguments.flags import RobotFlags, SolverFlags
+from maira_qp.apps.arguments.optional import Flag, explained
 from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.evaluation.settings import Settings
 from maira_qp.problem.options import Options
@@ -16,11 +17,17 @@ from maira_qp.problem.options import Options
 PICTURE = "success.png"
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Bench:
-    """Ask methods about targets, judge the answers by an independent FK, and report.
+    """Benchmark methods and QP backends, with an independent judge.
 
-    A run that was stopped goes on where it stood when it is started again with the same flags."""
+    Each answer is judged by a forward kinematics that shares no code with the solver. A run that was stopped goes on
+    where it stood when it is started again with the same flags.
+
+    Example:
+
+        maira-qp bench --robot iiwa14 --targets 100 --backends daqp osqp"""
 
     choice: RobotFlags = field(default_factory=RobotChoice)
     settings: Annotated[Settings, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="benchmark")] = field(
@@ -29,7 +36,7 @@ class Bench:
     options: SolverFlags = field(default_factory=Options)
     output: Path = Path("output/bench")
     """Folder for rows.jsonl (a row an answer), rows.csv, summary.csv and success.png."""
-    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    json: Flag = False
     """One JSON value on stdout in place of the tables."""
 
     def run(self) -> int:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import tyro
+from maira_qp.apps.arguments.optional import Flag, explained
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Cache:
-    """Show where the compiled code is kept and how much there is, or clear it. What is missing is compiled again when
-    it is needed; code older than the kernels' sources is never used."""
+    """Show or clear the compiled code that is kept on this machine.
 
-    clear: tyro.conf.FlagCreatePairsOff[bool] = False
+    What is missing is compiled again when it is needed; code older than the kernels' sources is never used."""
+
+    clear: Flag = False
     """Remove it."""
-    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    json: Flag = False
     """One JSON value on stdout."""
 
     def run(self) -> int:

@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import tyro
-
 from maira_qp.apps.arguments.flags import RobotFlags, SolverFlags
+from maira_qp.apps.arguments.optional import Flag, Maybe, explained
 from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.problem.options import Options
 
@@ -16,9 +15,16 @@ if TYPE_CHECKING:
     from maira_qp.evaluation.comparison import Comparison
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Compare:
-    """Solve random reachable poses with a weighted posture, a strict hierarchy and the plain DH-clamped reference."""
+    """Compare weighted, fading and strict redundancy on random poses.
+
+    Random reachable poses are solved with a weighted posture, a strict hierarchy and the plain DH-clamped reference.
+
+    Example:
+
+        maira-qp compare --robot panda --targets 100"""
 
     choice: RobotFlags = field(default_factory=RobotChoice)
     targets: int = 200
@@ -27,12 +33,12 @@ class Compare:
     """Seed of the poses and starts; >= 0."""
     weights: tuple[float, ...] = (1e-3, 1e-6)
     """What the posture counts against the pose, a row of the table each; > 0."""
-    backend: str | None = None
-    """Who solves the QPs: compiled, daqp, ... (an unknown name lists what is installed); None: the solver's choice."""
+    backend: Maybe[str] = None
+    """Who solves the QPs: compiled, daqp, ... (an unknown name lists what is installed); none: the solver's choice."""
     picture: Path = Path("output/comparison.png")
     """File of the picture."""
     options: SolverFlags = field(default_factory=Options)
-    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    json: Flag = False
     """One JSON value on stdout in place of the table."""
 
     def run(self) -> int:

@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+import tyro
+
+from maira_qp.apps.arguments.optional import Maybe, explained
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Compile:
-    """Compile the engine ahead of its first use, in parallel processes; what is compiled already is left as it is."""
+    """Compile everything ahead, so that no first call has to.
 
-    verbs: tuple[Literal["solve", "solve_batch", "solutions", "step", "track"], ...] = (
+    Runs in parallel processes; what is compiled already is left as it is."""
+
+    verbs: Annotated[
+        tuple[Literal["solve", "solve_batch", "solutions", "step", "track"], ...],
+        tyro.conf.arg(metavar="VERB ...", help_behavior_hint=""),
+    ] = (
         "solve",
         "solve_batch",
         "solutions",
         "step",
         "track",
     )
-    """What will be called."""
-    processes: int | None = None
+    """What will be called, of solve, solve_batch, solutions, step and track; none: all."""
+    processes: Maybe[int] = None
     """Processes at a time; none: one for each processor."""
 
     def run(self) -> int:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
-import tyro
-
+from maira_qp.apps.arguments.optional import Flag, explained
 from maira_qp.apps.left_pipes import reader_may_leave
 
 if TYPE_CHECKING:
@@ -15,12 +14,15 @@ if TYPE_CHECKING:
 SICK = 1
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Doctor:
-    """Look at versions, QP backends, extras and the cache of compiled code, and solve a pose. The exit code is 0 if all
-    is well, 1 if not; what is optional may be absent."""
+    """Check this installation, and solve a pose.
 
-    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    Versions, QP backends, extras, and the cache of compiled code are looked at. Exit code 0: all is well, 1: something
+    is not; what is optional may be absent."""
+
+    json: Flag = False
     """One JSON value on stdout."""
 
     def run(self) -> int:

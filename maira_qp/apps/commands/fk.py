@@ -10,21 +10,27 @@ import tyro
 
 from maira_qp.apps.arguments.flags import RobotFlags
 from maira_qp.apps.arguments.numbers import JointValues
+from maira_qp.apps.arguments.optional import Flag, explained
 from maira_qp.apps.arguments.robot_choice import RobotChoice
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Fk:
-    """Forward kinematics: the tool's pose in the base [m], at joint values [rad, or m for a sliding joint]."""
+    """Print where the tool is at joint values (forward kinematics).
+
+    Example:
+
+        maira-qp fk 0 10 0 20 0 30 0 --deg"""
 
     q: tyro.conf.Positional[JointValues] = None
     """Joint values [rad, or deg with --deg; m for a sliding joint]; none: zero."""
     choice: RobotFlags = field(default_factory=RobotChoice)
-    deg: tyro.conf.FlagCreatePairsOff[bool] = False
+    deg: Flag = False
     """Angles in and out in degrees."""
-    mm: tyro.conf.FlagCreatePairsOff[bool] = False
+    mm: Flag = False
     """Lengths in and out in millimetres; those of the matrix stay in m."""
-    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    json: Flag = False
     """One JSON value on stdout."""
 
     def run(self) -> int:
@@ -34,7 +40,7 @@ class Fk:
         from maira_qp.robots.unit_hints import degrees_hint
         from maira_qp.robots.urdf.rpy import rpy_from_matrix
 
-        robot = self.choice.load_with_one_tip()
+        robot = self.choice.load_with_one_tip(degrees=self.deg, millimetres=self.mm)
         units = Units(robot, self.deg, self.mm)
         q = units.read(self.q or np.zeros(robot.n), "the joint values")
         T = robot.forward(q).homogeneous

@@ -5,13 +5,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 import tyro
 
 from maira_qp.apps.arguments.flags import PoseFlags, RedundancyFlags, RobotFlags, SolverFlags, checked_seed
 from maira_qp.apps.arguments.numbers import JointValues, Quaternion, Rpy
+from maira_qp.apps.arguments.optional import Flag, Maybe, command, explained
 from maira_qp.apps.arguments.pose_choice import PoseChoice
 from maira_qp.apps.arguments.redundancy_choice import RedundancyChoice
 from maira_qp.apps.arguments.robot_choice import RobotChoice
@@ -30,6 +31,7 @@ AT_REST = 1e-5
 """A path ends where no joint is faster than this [rad/s or m/s]."""
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Picture(ABC):
     """What every picture is asked with."""
@@ -39,14 +41,14 @@ class Picture(ABC):
 
     choice: RobotFlags = field(default_factory=RobotChoice)
     options: SolverFlags = field(default_factory=Options)
-    output: Path | None = None
+    output: Maybe[Path] = None
     """File of the picture, .png, .svg or .pdf; none: a .png in the folder output."""
     dpi: float = 150.0
     """Dots an inch of a .png; > 0, at most 2400."""
-    deg: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Joint values and --rpy in degrees."""
-    mm: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Positions and values of sliding joints in millimetres."""
+    deg: Flag = False
+    """Angles in degrees."""
+    mm: Flag = False
+    """Lengths in millimetres."""
 
     def run(self) -> int:
         """Draws and says where; 0."""
@@ -56,7 +58,7 @@ class Picture(ABC):
         check_picture(path)
         if not 0 < self.dpi <= FINEST:
             raise OptionError(f"--dpi must be a positive number, at most {FINEST}, got {self.dpi}")
-        robot = self.choice.load()
+        robot = self.choice.load_with_one_tip(degrees=self.deg, millimetres=self.mm)
         from maira_qp.apps import plots  # not before it is known to be installed
 
         with plots.style():
@@ -70,6 +72,7 @@ class Picture(ABC):
         """The picture."""
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Convergence(Picture):
     """Pose error against the iteration of one solve, by the reference engine."""
@@ -99,9 +102,10 @@ class Convergence(Picture):
         return made
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class TradeOff(Picture):
-    """Pose error against posture cost of the weighted method over its weights, with the strict one as a point."""
+    """Pose error against posture cost: weighted by many weights, and strict."""
 
     name = "trade-off"
 
@@ -134,11 +138,13 @@ class TradeOff(Picture):
         return made
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class SelfMotion(Picture):
-    """All configurations of an S-R-S arm for one pose, over the swivel angle, and what the joint limits leave of them.
+    """All configurations of an S-R-S arm for one pose, over the swivel angle.
 
-    Above: the joints of the branch that holds the best of all; below: the arcs of every branch."""
+    What the joint limits leave of them is marked. Above: the joints of the branch that holds the best of all; below:
+    the arcs of every branch."""
 
     name = "self-motion"
 
@@ -166,6 +172,7 @@ class SelfMotion(Picture):
         return made
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Reach(Picture):
     """A plane of positions at one orientation: reached, proved unreachable, or open."""
@@ -179,9 +186,13 @@ class Reach(Picture):
     plane: Literal["xy", "xz", "yz"] = "xz"
     """The plane of positions, in the base."""
     at: float = 0.0
-    """Where the plane is along the third axis [m]."""
+    """Where the plane is along the third axis [m, or mm with --mm]."""
     cells: int = 80
     """Cells along each side; >= 2."""
+    seed: int = 0
+    """Seed of the random starts; >= 0."""
+    threads: Maybe[int] = None
+    """Threads that solve; >= 1; none: one a processor. No answer depends on it."""
 
     def draw(self, robot: Robot, units: Units) -> Figure:
         """A batch of poses, a cell each."""
@@ -191,21 +202,31 @@ class Reach(Picture):
         from maira_qp.problem.pose import pose
         from maira_qp.solvers.solver import Solver
 
-        rpy = None if self.rpy is None else np.array(self.rpy) / units.radian
+        seed, rpy = checked_seed(self.seed), None if self.rpy is None else np.array(self.rpy) / units.radian
         rotation = pose((0.0, 0.0, 0.0), quaternion=self.quaternion, rpy=rpy).rotation
         solver = Solver(robot, options=self.options)
         with progress_bar("solving") as progress:
-            found = reach_slice(solver, rotation, plane=self.plane, at=self.at, cells=self.cells, progress=progress)
+            found = reach_slice(
+                solver,
+                rotation,
+                plane=self.plane,
+                at=self.at / units.metre,
+                cells=self.cells,
+                progress=progress,
+                seed=seed,
+                threads=self.threads,
+            )
         made = plots.figure(size=(7.4, 4.8))
         plots.reach_slice(made.axes[0], found.x, found.y, found.status, axes=self.plane)
         third = ({*"xyz"} - {*self.plane}).pop()
-        made.axes[0].set_title(f"{robot.name}: where the tool can be, {third} = {self.at:g} m")
+        made.axes[0].set_title(f"{robot.name}: where the tool can be, {third} = {self.at:g} {units.length}")
         return made
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class JointPaths(Picture):
-    """Joints over time, each between its limits, while control ticks take the tool to a pose."""
+    """Joints over time, in their limits, while control ticks lead to a pose."""
 
     name = "path"
 
@@ -242,17 +263,22 @@ class JointPaths(Picture):
 
 
 Pictures = (
-    Annotated[Convergence, tyro.conf.subcommand(Convergence.name)]
-    | Annotated[TradeOff, tyro.conf.subcommand(TradeOff.name)]
-    | Annotated[SelfMotion, tyro.conf.subcommand(SelfMotion.name)]
-    | Annotated[Reach, tyro.conf.subcommand(Reach.name)]
-    | Annotated[JointPaths, tyro.conf.subcommand(JointPaths.name)]
+    command(Convergence, Convergence.name)
+    | command(TradeOff, TradeOff.name)
+    | command(SelfMotion, SelfMotion.name)
+    | command(Reach, Reach.name)
+    | command(JointPaths, JointPaths.name)
 )
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Plot:
-    """Draw a picture into a .png, .svg or .pdf file: convergence, trade-off, self-motion, reach or path."""
+    """Draw a picture: convergence, trade-off, self-motion, reach or path.
+
+    Example:
+
+        maira-qp plot reach --quaternion 0 1 0 0 --output reach.pdf"""
 
     picture: tyro.conf.OmitSubcommandPrefixes[tyro.conf.OmitArgPrefixes[Pictures]]
 

@@ -5,16 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import tyro
+from maira_qp.apps.arguments.optional import Flag, explained
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Robots:
-    """List the robots that --robot takes by name: their joints and tips, and the packages that carry them. Packages
-    that are not installed are named with what they hold; modules of robot_descriptions, such as ur5e_description, are
-    names too, once their files are on this machine."""
+    """List the robots that --robot takes by name.
 
-    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    Shown are their joints and tips, and the packages that carry them. Packages that are not installed are named with
+    what they hold; modules of robot_descriptions, such as ur5e_description, are names too, once their files are on this
+    machine."""
+
+    json: Flag = False
     """One JSON value on stdout."""
 
     def run(self) -> int:
@@ -54,11 +57,13 @@ def _told(entry: Any) -> dict[str, Any]:
 def _table(robots: list[dict[str, Any]]) -> Any:
     from rich.table import Table
 
+    from maira_qp.apps.arguments.output import folded
+
     table = Table(title="robots by name")
     for heading in ("name", "joints", "tip", "package"):
         table.add_column(heading, justify="right" if heading == "joints" else "left")
     for robot in robots:
         joints = str(robot.get("joints", "-"))
-        tips = "\n".join(robot.get("tips", [robot.get("error", "")]))
-        table.add_row(robot["name"], joints, tips, robot["package"])
+        tips = "\n".join([folded(tip, 28) for tip in robot["tips"]] if "tips" in robot else [robot["error"]])
+        table.add_row(folded(robot["name"]), joints, tips, folded(robot["package"], 18))
     return table

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import tyro
 
 from maira_qp.apps.arguments.flags import PoseFlags, RedundancyFlags, RobotFlags, SolverFlags, checked_seed
 from maira_qp.apps.arguments.numbers import JointValues
+from maira_qp.apps.arguments.optional import Flag, Maybe, explained
 from maira_qp.apps.arguments.pose_choice import PoseChoice
 from maira_qp.apps.arguments.redundancy_choice import RedundancyChoice
 from maira_qp.apps.arguments.robot_choice import RobotChoice
@@ -30,57 +30,69 @@ UNBOUNDED = 100_000
 """Columns of a console that cuts nothing."""
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Solve:
-    """Joint values that put the tool at a pose, inside the joint limits. The exit code is the verdict: 0 solved; 1 a
-    nearest point; 3 proved to be out of reach; 4 the budget was spent; 6 no configuration
-    within further limits was found; 2 misuse.
+    """Find joint values that put the tool at a pose, within the limits.
 
-    With --all every solution, the best first: those of all branches, of a redundant arm the best of each arc or, where
-    it is not known in closed form, the local optima that were found.
+    With --all every solution, the best first: those of all branches; of a redundant arm the best of each arc or, where
+    these are not known in closed form, the local optima that were found.
 
-    With --batch FILE many poses, one per row. CSV and Parquet have columns x, y, z [m, or mm with --mm] with qw, qx,
-    qy, qz (scalar first) or with roll, pitch, yaw [rad, or deg with --deg], or alone: then the orientation is free; or
-    m00, m01, ... m23, the rows of the 4x4 matrix (m30 to m33 may follow); optionally a start q0_<joint> for each joint;
-    further columns are carried along. NPZ has an array targets (N, 4, 4), optionally q0 (N, n). A row with an empty
-    cell or NaN is not solved, and spoils no other: its status is INVALID_TARGET, and its answers are empty cells (in
-    NPZ NaN).
+    With --batch a file of poses, one a row. CSV and Parquet have columns x, y, z with qw, qx, qy, qz (scalar first) or
+    with roll, pitch, yaw, or alone: then the orientation is free; or m00, m01, ... m23, the rows of the 4x4 matrix.
+    Optionally a start q0_<joint> for each joint; further columns are carried along. NPZ has an array targets (N, 4, 4),
+    optionally q0 (N, n). A row with an empty cell or NaN is not solved: its status is INVALID_TARGET.
 
-    The answers stand behind what the file held: success, status, position_error [m], orientation_error [rad],
-    iterations, restarts, condition_number, left_q0 (whether the answer left its start for a better one),
-    max_joint_change [rad or m] (of the joint that is farthest from its start; an empty cell without a start, in NPZ
-    NaN), active_limits (with ; between) and q_<joint> [rad, or deg with --deg; for a sliding joint m, or mm with --mm];
-    in NPZ the same as arrays (N,), and q (N, n) and joint_names. Exit code 0: all solved; 1: some not; 5: some rows
-    hold no pose."""
+    The answers stand behind what the file held: success, status, position_error [m], orientation_error [rad, empty
+    where it is free], iterations, restarts, condition_number, left_q0 (whether the answer left its start for a better
+    one), max_joint_change [rad or m] (how far the joint that moved most is from its start), active_limits (with ;
+    between) and q_<joint> [rad or m; deg with --deg, mm with --mm]; in NPZ the same as arrays (N,), and q (N, n) and
+    joint_names.
+
+    Examples:
+
+        maira-qp solve --position 0.4 0.2 0.9 --rpy 180 0 0 --deg
+        maira-qp solve --robot panda --position 0.4 0.2 0.5 --tool 0 0 0.1 --all
+        maira-qp solve --robot arm.urdf --batch poses.csv --output answers.csv
+
+    Exit code:
+
+        0  solved; with --batch: all rows
+        1  not solved, a nearest point is printed; with --batch: some are not
+        2  wrong use
+        3  proved to be out of reach
+        4  neither: the budget was spent
+        5  with --batch: some rows hold no pose
+        6  no configuration within further limits was found"""
 
     choice: RobotFlags = field(default_factory=RobotChoice)
     pose: PoseFlags = field(default_factory=PoseChoice)
-    batch: Path | None = None
+    batch: Maybe[Path] = None
     """File with many poses, .csv, .npz or .parquet, in place of one; -: CSV from standard input."""
-    output: Path | None = None
+    output: Maybe[Path] = None
     """File of the answers to --batch, .csv, .npz or .parquet; -: CSV to standard output, and the summary to stderr;
     none: poses.csv is answered in poses.solved.csv, - in -."""
-    threads: int | None = None
+    threads: Maybe[int] = None
     """Threads that solve --batch; >= 1; none: one a processor. No answer depends on it."""
-    all: tyro.conf.FlagCreatePairsOff[bool] = False
+    all: Flag = False
     """List every solution that is known, ranked by how near the joints are to mid-range, in place of one."""
     q0: JointValues = None
     """Joint values to start from [rad, or deg with --deg; m for a sliding joint]; none: those of --batch, or the
     solver's own."""
     redundancy: RedundancyFlags = field(default_factory=RedundancyChoice)
-    backend: str | None = None
+    backend: Maybe[str] = None
     """Who solves the QPs: compiled, daqp, proxqp, osqp, ... (an unknown name lists what is installed); none: compiled
     where it can, else daqp."""
     seed: int = 0
     """Seed of the random starts; >= 0."""
     options: SolverFlags = field(default_factory=Options)
-    position_only: tyro.conf.FlagCreatePairsOff[bool] = False
+    position_only: Flag = False
     """The orientation is free: only the position counts."""
-    deg: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Joint values and --rpy in and out in degrees; tolerances and errors stay in rad."""
-    mm: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Positions and values of sliding joints in and out in millimetres; tolerances and errors stay in m."""
-    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    deg: Flag = False
+    """Angles in and out in degrees; tolerances, and errors in files and JSON, stay in rad."""
+    mm: Flag = False
+    """Lengths in and out in millimetres; tolerances, and errors in files and JSON, stay in m."""
+    json: Flag = False
     """One JSON value on stdout; with --batch: the summary."""
 
     def run(self) -> int:
@@ -92,7 +104,7 @@ class Solve:
         self._check_flags()
         seed = checked_seed(self.seed)
         redundancy = self.redundancy.load()
-        robot = self.choice.load_with_one_tip()
+        robot = self.choice.load_with_one_tip(degrees=self.deg, millimetres=self.mm)
         units = Units(robot, self.deg, self.mm)
         q0 = None if self.q0 is None else units.read(self.q0, "--q0")
         others = ", or --batch FILE with many"

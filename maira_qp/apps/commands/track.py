@@ -13,6 +13,7 @@ import tyro
 
 from maira_qp.apps.arguments.flags import RobotFlags, SolverFlags, checked_seed
 from maira_qp.apps.arguments.numbers import JointValues
+from maira_qp.apps.arguments.optional import Flag, Maybe, explained
 from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.apps.arguments.standard_streams import STANDARD, beside, name_and_content
 from maira_qp.apps.left_pipes import reader_may_leave
@@ -36,36 +37,47 @@ PARTS = 8
 """Parts of a path that are followed of which a summary tells."""
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Track:
-    """Follow a path: joint values for each of its poses, so that no joint jumps from one to the next. Branch, turns and
-    redundancy are chosen for the path as a whole.
+    """Follow a path of poses from a file without a jump of any joint.
 
-    The poses are the rows of a file, as those of maira-qp solve --batch; a start q0_<joint> in its first row is the
-    configuration there. The joint values go into --output, in rad and m, as does, with --timed, what is when where.
+    Branch, turns and redundancy are chosen for the path as a whole. The file is like that of maira-qp solve --batch; a
+    start q0_<joint> in its first row is the configuration there. The joint values, or with --timed the joint values,
+    speeds and accelerations over time, go into --output.
 
-    Exit code: 0 followed whole; 3 not, at a pose that is proved to be out of reach; 1 not, for other reasons;
-    2 misuse."""
+    Examples:
+
+        maira-qp track poses.csv
+        maira-qp track poses.csv --deg --mm --timed --acceleration 300
+        maira-qp track poses.csv --picture path.png --animation path.gif
+
+    Exit code:
+
+        0  followed whole
+        1  not followed whole
+        2  wrong use
+        3  not followed whole: a pose is proved to be out of reach"""
 
     poses: tyro.conf.Positional[Path]
     """File of the poses, .csv, .npz or .parquet; -: CSV from standard input."""
     choice: RobotFlags = field(default_factory=RobotChoice)
     q0: JointValues = None
     """Joint values at the first pose, or near them [rad, or deg with --deg; m for a sliding joint]; none: any."""
-    dt: float | None = None
+    dt: Maybe[float] = None
     """Time from pose to pose [s]: no joint moves by more than its speed limit allows."""
     max_step: JointValues = None
     """Largest joint step from pose to pose, one for all or one each [rad, or deg with --deg; m]; none: 0.5 rad, or half
     of the arm's length."""
     max_reconfigurations: int = 0
     """So many larger steps are allowed; >= 0."""
-    loop: tyro.conf.FlagCreatePairsOff[bool] = False
+    loop: Flag = False
     """The last pose is the first again, and the arm is to end as it began."""
-    free_axis: Literal["x", "y", "z"] | None = None
+    free_axis: Maybe[Literal["x", "y", "z"]] = None
     """The tool is free to turn about this axis of its own."""
     seed: int = 0
     """Seed of the configurations that are drawn; >= 0."""
-    timed: tyro.conf.FlagCreatePairsOff[bool] = False
+    timed: Flag = False
     """Time the path within the limits below; needs maira-qp[time]."""
     velocity: JointValues = None
     """Largest speeds for --timed, one for all or one each [rad/s, or deg/s with --deg; m/s]; none: the robot's own."""
@@ -73,27 +85,28 @@ class Track:
     """Largest accelerations for --timed [rad/s^2, or deg/s^2 with --deg; m/s^2]; none: the robot's own."""
     jerk: JointValues = None
     """Largest jerks for --timed [rad/s^3, or deg/s^3 with --deg; m/s^3]; none: not limited."""
-    tool_speed: float | None = None
+    tool_speed: Maybe[float] = None
     """Speed of the tool for --timed [m/s, or mm/s with --mm], held where the joints allow it; none: as fast as
     possible."""
     sample_time: float = 0.01
     """From sample to sample with --timed [s]; > 0."""
-    output: Path | None = None
+    output: Maybe[Path] = None
     """File of the joint values, .csv, .npz, .parquet, .json, .ros.json (a JointTrajectory of ROS 2) or .rrd (for
     Rerun); -: CSV to standard output, and the summary to stderr; none: poses.csv is answered in poses.path.csv, - in
     -."""
-    picture: Path | None = None
+    picture: Maybe[Path] = None
     """Draw joints, speeds, errors, condition number and swivel angle into this .png, .svg or .pdf."""
-    animation: Path | None = None
+    animation: Maybe[Path] = None
     """Draw the arm's motion into this .gif, or, where ffmpeg is installed, .mp4."""
-    project: tyro.conf.FlagCreatePairsOff[bool] = False
+    project: Flag = False
     """Take the nearest rotations to rounded ones, on purpose."""
     options: SolverFlags = field(default_factory=Options)
-    deg: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Angles on the command line and in the file of the poses in degrees; --output and tolerances stay in rad."""
-    mm: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Lengths on the command line and in the file of the poses in mm; --output and tolerances stay in m."""
-    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    deg: Flag = False
+    """Angles in degrees: on the command line, in the file of the poses, in what is printed, and in an --output of CSV,
+    NPZ or Parquet, as its headings say. Tolerances, JSON, ROS and Rerun stay in rad."""
+    mm: Flag = False
+    """Lengths in millimetres, in the same places; tolerances, JSON, ROS and Rerun stay in m."""
+    json: Flag = False
     """The summary as one JSON value on stdout."""
 
     def run(self) -> int:
@@ -102,7 +115,7 @@ class Track:
         from maira_qp.solvers.solver import Solver
 
         self._check_flags()
-        seed, robot = checked_seed(self.seed), self.choice.load_with_one_tip()
+        seed, robot = checked_seed(self.seed), self.choice.load_with_one_tip(degrees=self.deg, millimetres=self.mm)
         units, solver = Units(robot, self.deg, self.mm), Solver(robot, task=self._task(), options=self.options)
         poses = self._read(robot, units)
         q0 = self._start(poses, units)
@@ -222,14 +235,14 @@ class Track:
 
     def _write(self, output: Path, path: PathSolution, trajectory: Trajectory | None) -> list[Path]:
         """The files; of a path that was to be timed and could not be, only pictures."""
-        from maira_qp.io.save import save, stream
+        from maira_qp.io.save import TableUnits, save, stream
 
         written, motion = [], trajectory if self.timed else path
         if motion is not None and output == STANDARD:
             with reader_may_leave():
-                stream(motion, sys.stdout.buffer, "csv")
+                stream(motion, sys.stdout.buffer, "csv", TableUnits(self.deg, self.mm))
         elif motion is not None:
-            written.append(save(motion, output))
+            written.append(save(motion, output, degrees=self.deg, millimetres=self.mm))
         if self.picture is not None:
             from maira_qp.apps import plots  # not before it is known to be installed
 
@@ -314,6 +327,8 @@ def _show(path: PathSolution, trajectory: Trajectory | None, found: dict[str, An
     """The summary as tables, for 80 columns."""
     from rich.table import Table
 
+    from maira_qp.apps.arguments.output import folded
+
     k = found["first_failure"]
     if k is None:
         out.print(f"followed whole: {len(path)} poses", style="bold green")
@@ -325,24 +340,25 @@ def _show(path: PathSolution, trajectory: Trajectory | None, found: dict[str, An
         out.print(f"followed: {parts}{', ...' if len(path.parts) > PARTS else ''}" if parts else "followed: nothing")
     joints = Table()
     for heading in ("joint", "from", "to", "largest step", "allowed"):
-        joints.add_column(heading, justify="left" if heading == "joint" else "right")
+        joints.add_column(heading, justify="left" if heading == "joint" else "right", no_wrap=True)
     steps, allowed = units.write(found["largest_steps"]), units.write(found["allowed_steps"])
     low, high = units.write(path.q.min(axis=0)), units.write(path.q.max(axis=0))
     for i, name in enumerate(path.joint_names):
         numbers = f"{low[i]:.4f}", f"{high[i]:.4f} {units.joints[i]}", f"{steps[i]:.4f}", f"{allowed[i]:.4g}"
-        joints.add_row(name, *numbers)
+        joints.add_row(folded(name), *numbers)
     out.print(joints)
     table = Table(show_header=False)
     table.add_row("reached", f"{found['reached']} of {len(path)}")
     table.add_row("reconfigurations", str(found["reconfigurations"]))
-    table.add_row("worst position error [m]", f"{found['worst_position_error']:.3g}")
-    table.add_row("worst orientation error [rad]", f"{found['worst_orientation_error']:.3g}")
+    for heading, error in units.errors(found["worst_position_error"], found["worst_orientation_error"]):
+        table.add_row(f"worst {heading}", error)
     if trajectory is not None:
         off, turned = trajectory.position_deviation, trajectory.orientation_deviation
         table.add_row("duration", f"{trajectory.duration:.4g} s, {len(trajectory)} samples")
-        table.add_row("tool off the path", f"{off.value:.2g} m at {off.time:.4g} s")
-        table.add_row("tool turned off it", f"{turned.value:.2g} rad at {turned.time:.4g} s")
-        table.add_row("speed of the tool", f"at most {trajectory.tool_speed.max():.4g} m/s")
+        metre, radian = units.metre, units.radian
+        table.add_row("tool off the path", f"{off.value * metre:.2g} {units.length} at {off.time:.4g} s")
+        table.add_row("tool turned off it", f"{turned.value * radian:.2g} {units.angle} at {turned.time:.4g} s")
+        table.add_row("speed of the tool", f"at most {trajectory.tool_speed.max() * metre:.4g} {units.length}/s")
     elif found["not_timed"]:
         table.add_row("not timed", "only a path without a gap is; no joint values are written")
     table.add_row("time", f"{found['seconds']:.3g} s")

@@ -7,18 +7,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from maira_qp.apps.arguments.flags import RobotFlags
+from maira_qp.apps.arguments.optional import Maybe, explained
 from maira_qp.apps.arguments.robot_choice import RobotChoice
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Urdf:
-    """Write a robot as URDF: that of its DH table, or a URDF or MJCF file made plain (one chain, other joints fixed).
+    """Write a robot as a URDF file: of a DH table, or of one chain.
 
-    Ellipsoids become the boxes around them, for URDF has none.
-    """
+    Joints that are not of the chain are fixed. Ellipsoids become the boxes around them, for URDF has none.
+
+    Example:
+
+        maira-qp urdf --robot arm.toml --output arm.urdf"""
 
     choice: RobotFlags = field(default_factory=RobotChoice)
-    output: Path | None = None
+    output: Maybe[Path] = None
     """File to write; none: stdout."""
 
     def run(self) -> int:

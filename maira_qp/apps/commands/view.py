@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from maira_qp.apps.arguments.flags import RobotFlags
+from maira_qp.apps.arguments.optional import explained
 from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.errors import OptionError
 
@@ -21,9 +22,16 @@ if TYPE_CHECKING:
     from maira_qp.robots.model.robot import Robot
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """Show a robot in the browser: drag its target, its joints and obstacles, and read what the solver says."""
+    """Show the robot in the browser and drag its target.
+
+    Joints and obstacles can be dragged as well; the page shows what the solver says.
+
+    Example:
+
+        maira-qp view --robot panda"""
 
     choice: RobotFlags = field(default_factory=RobotChoice)
     host: str = "127.0.0.1"

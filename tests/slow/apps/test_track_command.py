@@ -92,8 +92,9 @@ def test_degrees_are_those_of_the_file_and_the_flags(run, line, tmp_path):
     code, _, _ = run(line, "--timed", "--acceleration", limit, "--deg", "--output", tmp_path / "deg.npz")
     assert code == 0
     with np.load(tmp_path / "rad.npz") as one, np.load(tmp_path / "deg.npz") as two:
-        np.testing.assert_allclose(one["q"], two["q"], atol=1e-5)
-        assert np.abs(two["acceleration"]).max() <= acceleration * (1.0 + 1e-6)
+        np.testing.assert_allclose(one["q"], np.radians(two["q"]), atol=1e-5)
+        assert set(two["q_units"]) == {"deg"}
+        assert np.abs(two["acceleration"]).max() <= limit * (1.0 + 1e-6)
 
 
 @pytest.mark.parametrize("name", ["maira", "ur5"])

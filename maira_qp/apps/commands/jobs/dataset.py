@@ -6,25 +6,28 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-import tyro
-
 from maira_qp.apps.arguments.flags import RobotFlags, SolverFlags, checked_seed
+from maira_qp.apps.arguments.optional import Flag, explained
 from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.apps.commands.jobs.running import RunChoice, RunFlags
 from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.problem.options import Options
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Dataset:
-    """Make a table of random poses, each with the joint values that a solver finds, its status and figures, for
-    learning; poses that are proved to be out of reach are among them.
+    """Make a data set of random poses with their solutions, in Parquet.
 
-    The table is a folder of Parquet files of at most 100 MB, laid out as LeRobot's format 3 has it: data/chunk-000/
-    file-000.parquet, ... and meta/info.json. Its columns are those of solve --batch: x, y, z [m], qw, qx, qy, qz,
-    success, status, errors [m, rad], manipulability, limit_distance (0 at a limit, 1 midway), q_<joint> [rad, or m].
-    Whatever interrupts a run, the same command goes on with it, as does: maira-qp job resume FOLDER. Exit code 0: the
-    table is finished, or the part that --shard names is done."""
+    Poses that are proved to be out of reach are among them. The data set is a folder of files of at most 100 MB, laid
+    out as LeRobot's format 3 has it: data/chunk-000/file-000.parquet, ... and meta/info.json. Its columns are those of
+    solve --batch: x, y, z [m], qw, qx, qy, qz, success, status, errors [m, rad], manipulability, limit_distance (0 at a
+    limit, 1 midway), q_<joint> [rad, or m]. Whatever interrupts a run, the same command goes on with it, as does
+    maira-qp job resume FOLDER. Exit code 0: the data set is finished, or the part that --shard names is done.
+
+    Example:
+
+        maira-qp dataset --rows 1000000 --output poses"""
 
     choice: RobotFlags = field(default_factory=RobotChoice)
     output: Path
@@ -40,7 +43,7 @@ class Dataset:
     """Seed of the poses and of the random starts; >= 0."""
     options: SolverFlags = field(default_factory=Options)
     how: RunFlags = field(default_factory=RunChoice)
-    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    json: Flag = False
     """One JSON value on stdout: the summary."""
 
     def run(self) -> int:

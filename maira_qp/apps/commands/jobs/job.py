@@ -8,6 +8,7 @@ from typing import Annotated
 
 import tyro
 
+from maira_qp.apps.arguments.optional import Flag, command, explained
 from maira_qp.apps.commands.jobs.running import RunChoice, RunFlags
 from maira_qp.apps.left_pipes import reader_may_leave
 
@@ -15,13 +16,16 @@ INCOMPLETE = DAMAGED = 1
 Folder = Annotated[Path, tyro.conf.Positional]
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class JobStatus:
-    """Say how much of a job is done, and who works on it. Exit code 0: it is finished; 1: not yet."""
+    """Say how much of a job is done, and who works on it.
+
+    Exit code 0: it is finished; 1: not yet."""
 
     folder: Folder
     """Folder of the job."""
-    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    json: Flag = False
     """One JSON value on stdout."""
 
     def run(self) -> int:
@@ -44,14 +48,17 @@ class JobStatus:
         return 0 if state.finished else INCOMPLETE
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class JobResume:
-    """Go on with the job of a folder, until it is finished; a finished output that is damaged is made again."""
+    """Go on with the job of a folder until it is finished.
+
+    A finished output that is damaged is made again."""
 
     folder: Folder
     """Folder of the job."""
     how: RunFlags = field(default_factory=RunChoice)
-    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    json: Flag = False
     """One JSON value on stdout."""
 
     def run(self) -> int:
@@ -66,13 +73,16 @@ class JobResume:
         return 0
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class JobVerify:
-    """Read all files of a job and compare their checksums. Exit code 0: all are what was written; 1: some are not."""
+    """Read all files of a job and compare their checksums.
+
+    Exit code 0: all are what was written; 1: some are not."""
 
     folder: Folder
     """Folder of the job."""
-    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    json: Flag = False
     """One JSON value on stdout."""
 
     def run(self) -> int:
@@ -94,16 +104,17 @@ class JobVerify:
         return 0 if found else DAMAGED
 
 
-JobActions = (
-    Annotated[JobStatus, tyro.conf.subcommand("status")]
-    | Annotated[JobResume, tyro.conf.subcommand("resume")]
-    | Annotated[JobVerify, tyro.conf.subcommand("verify")]
-)
+JobActions = command(JobStatus, "status") | command(JobResume, "resume") | command(JobVerify, "verify")
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """Jobs in their folders: how much is done, going on, whether all files are whole."""
+    """Look at a job of reach or dataset, go on with it, check its files.
+
+    Example:
+
+        maira-qp job status map.zarr"""
 
     action: tyro.conf.OmitSubcommandPrefixes[tyro.conf.OmitArgPrefixes[JobActions]]
 

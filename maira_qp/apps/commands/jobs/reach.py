@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import tyro
-
 from maira_qp.apps.arguments.flags import RobotFlags, SolverFlags, checked_seed
+from maira_qp.apps.arguments.optional import Flag, Maybe, explained
 from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.apps.commands.jobs.running import RunChoice, RunFlags
 from maira_qp.apps.left_pipes import reader_may_leave
@@ -18,15 +17,20 @@ if TYPE_CHECKING:
     from maira_qp.scale.reach.job import ReachJob
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Reach:
-    """Map what an arm reaches: for each cell of a grid of positions the share of orientations that are reached, proved
-    to be out of reach, or neither; the directions that are open; the best manipulability and distance from the joint
-    limits of the configurations found.
+    """Map what an arm reaches, cell by cell, into a Zarr folder.
 
-    The map is a folder in Zarr's format 3, which maira_qp.scale.ReachMap and xarray open. Whatever interrupts a run,
-    the same command goes on with it, as does: maira-qp job resume FOLDER. Exit code 0: the map is finished, or the part
-    that --shard names is done."""
+    For each cell of a grid of positions: the share of orientations that are reached, proved to be out of reach, or
+    neither; the directions that are open; the best manipulability and distance from the joint limits of the
+    configurations found. The folder is opened by maira_qp.scale.ReachMap, and by xarray. Whatever interrupts a run, the
+    same command goes on with it, as does maira-qp job resume FOLDER. Exit code 0: the map is finished, or the part that
+    --shard names is done.
+
+    Example:
+
+        maira-qp reach --robot ur5 --cell 0.1 --directions 50 --output map.zarr"""
 
     choice: RobotFlags = field(default_factory=RobotChoice)
     output: Path
@@ -37,16 +41,16 @@ class Reach:
     """Directions of the tool's z axis, uniform over the sphere; >= 1."""
     rolls: int = 1
     """Rolls about each direction, uniform over a turn; >= 1."""
-    box: tuple[float, float, float, float, float, float] | None = None
+    box: Maybe[tuple[float, float, float, float, float, float]] = None
     """What the grid is to cover, X0 X1 Y0 Y1 Z0 Z1 [m]; none: all that can be reached."""
-    proof_boxes: int | None = None
+    proof_boxes: Maybe[int] = None
     """For arms that are no S-R-S arms: boxes of joint values that the proof that a pose is out of reach may take; >= 0;
     0: no proofs, which there take nearly all of the time; none: as in a solve."""
     seed: int = 0
     """Seed of the random starts; >= 0."""
     options: SolverFlags = field(default_factory=Options)
     how: RunFlags = field(default_factory=RunChoice)
-    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    json: Flag = False
     """One JSON value on stdout: the summary."""
 
     def run(self) -> int:

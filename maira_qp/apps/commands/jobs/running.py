@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from maira_qp.apps.arguments.optional import Maybe, explained
 from maira_qp.errors import OptionError
 
 if TYPE_CHECKING:
@@ -18,13 +19,14 @@ if TYPE_CHECKING:
     from maira_qp.scale.run import JobState
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class RunChoice:
     """Who does a job, and which part of it. No result depends on any of these."""
 
     engine: Literal["processes", "here", "dask", "ray"] = "processes"
     """processes of this machine, or here: this process alone, or a cluster of dask or ray."""
-    workers: int | None = None
+    workers: Maybe[int] = None
     """Workers at a time; >= 1; none: one a processor, or as many as the cluster has."""
     address: str = ""
     """Of a scheduler of dask or ray that runs already, such as tcp://head:8786; none: a cluster of this machine."""
