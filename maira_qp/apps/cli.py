@@ -58,7 +58,7 @@ COMMANDS: dict[str, type] = {
     "compile": Compile,
     "cache": Cache,
 }
-Command = Union[tuple(command(kind, name) for name, kind in COMMANDS.items())]  # type: ignore[valid-type]  # noqa: UP007
+Command: Any = Union[tuple(command(kind, name) for name, kind in COMMANDS.items())]  # noqa: UP007
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -280,7 +280,7 @@ class Plot:
 
         maira-qp plot reach --quaternion 0 1 0 0 --output reach.pdf"""
 
-    picture: tyro.conf.OmitSubcommandPrefixes[tyro.conf.OmitArgPrefixes[Pictures]]
+    picture: tyro.conf.OmitSubcommandPrefixes[tyro.conf.OmitArgPrefixes[Pictures]]  # type: ignore[valid-type]
 
     def run(self) -> int:
         """Draws the picture; 0."""

@@ -431,11 +431,11 @@ def test_help_tells_the_exit_codes(run):
     code, out, _ = run("--help")
     assert code == 0
     for text in (
-        "Exit codes: 0",
-        "1 not solved",
-        "3 proved",
-        "2 misuse",
-        "Lengths are in m",
+        "exit codes",
+        "1        not solved",
+        "3        proved",
+        "2        wrong use",
+        "Lengths are in metres",
         "solve",
         "fk",
         "urdf",

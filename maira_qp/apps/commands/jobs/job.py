@@ -116,7 +116,7 @@ class Job:
 
         maira-qp job status map.zarr"""
 
-    action: tyro.conf.OmitSubcommandPrefixes[tyro.conf.OmitArgPrefixes[JobActions]]
+    action: tyro.conf.OmitSubcommandPrefixes[tyro.conf.OmitArgPrefixes[JobActions]]  # type: ignore[valid-type]
 
     def run(self) -> int:
         """Does what was asked for."""
