@@ -14,13 +14,14 @@ if TYPE_CHECKING:
 GROUPS = {
     "joint values": ("solve", "track", "fk"),
     "robots and pictures": ("robots", "view", "plot", "urdf"),
-    "many poses": ("reach", "dataset", "job"),
+    "many poses": ("reach", "place", "dataset", "job"),
     "comparisons": ("compare", "bench"),
     "this installation": ("doctor", "compile", "cache"),
 }
 CODES = {
     "0": "done; of solve and track: solved, or followed whole",
-    "1": "not solved, or not followed whole; of doctor: a fault; of job: not finished, or damaged",
+    "1": "not solved, or not followed whole; of doctor: a fault; of job: not finished, or damaged; of place: no base "
+    "reaches all",
     "2": "wrong use: the reason is on stderr",
     "3": "proved to be out of reach",
     "4": "neither: the budget was spent",

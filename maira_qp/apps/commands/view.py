@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from maira_qp.apps.arguments.flags import RobotFlags
-from maira_qp.apps.arguments.optional import explained
+from maira_qp.apps.arguments.optional import Maybe, explained
 from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.errors import OptionError
 
@@ -39,7 +39,7 @@ class View:
     and whoever sees the page can read robot files and write recordings."""
     port: int = 8080
     """Port to serve at; if it is taken, the next one that is free; >= 0, 0: any."""
-    map: Path | None = None
+    map: Maybe[Path] = None
     """Folder of a map of maira-qp reach, to be shown about its arm; none: no map."""
 
     def run(self) -> int:

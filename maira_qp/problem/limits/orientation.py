@@ -200,7 +200,7 @@ class ConeLimit(TargetLimit):
         return np.array([self.angle - angle(*self._directions(T))])
 
     def slope(self, T: pin.SE3) -> np.ndarray:
-        """Of the angle (1, 6)."""
+        """Of the angle (1, 6) at a pose T."""
         D = np.zeros((1, 6))
         D[0, 3:] = -angle_derivatives(*self._directions(T))[0]
         return D

@@ -59,7 +59,7 @@ class HalfSpaceLimit(PlacementLimit):
         return np.array([self.normal @ (T.translation - self.point)])
 
     def slope(self, T: pin.SE3) -> np.ndarray:
-        """Along the normal (1, 6)."""
+        """At a pose T along the normal (1, 6)."""
         return np.concatenate([self.normal, np.zeros(3)])[None]
 
 
@@ -105,7 +105,7 @@ class BoxLimit(PlacementLimit):
         return self._ranges.room(self.pose.rotation.T @ (T.translation - self.pose.translation))
 
     def slope(self, T: pin.SE3) -> np.ndarray:
-        """Along the axes of the box (m, 6)."""
+        """At a pose T along the axes of the box (m, 6)."""
         return self._ranges.slope(np.hstack([self.pose.rotation.T, np.zeros((3, 3))]))
 
 
@@ -167,7 +167,7 @@ class DistanceLimit(TargetLimit):
         return self._signs * (self._away(T)[0] - ends)
 
     def slope(self, T: pin.SE3) -> np.ndarray:
-        """Away from the point, or toward it (m, 6)."""
+        """At a pose T away from the point, or toward it (m, 6)."""
         return np.outer(self._signs, np.concatenate([self._away(T)[1], np.zeros(3)]))
 
     def bend(self, T: pin.SE3, y: np.ndarray) -> np.ndarray:

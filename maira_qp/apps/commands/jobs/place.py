@@ -13,6 +13,7 @@ import tyro
 
 from maira_qp.apps.arguments.flags import RobotFlags, checked_seed
 from maira_qp.apps.arguments.numbers import Range
+from maira_qp.apps.arguments.optional import Flag, Maybe, explained
 from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.apps.arguments.standard_streams import name_and_content
 from maira_qp.apps.commands.view import check_viser, serve
@@ -29,21 +30,27 @@ TURN = 30.0
 """Between yaw angles, where nothing is said [deg]"""
 
 
+@explained
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """Rank the places where an arm may stand by how many of some tool poses it reaches from there.
+    """Find where an arm should stand to reach the poses of a file.
 
-    The poses are the rows of a file, as those of maira-qp solve --batch, in the frame in which bases are sought, z up.
-    All bases of a grid are scored by a map of maira-qp reach, or, without --map, by the solver itself; then the
-    poses are solved from the best bases, and what is printed is what was found: how many poses are reached, how many
-    are proved to be out of reach, the smallest and the mean quality. Of the turns at one position the best is printed.
+    Bases are ranked by how many of the poses are reached from there. The poses are the rows of a file, as those of
+    maira-qp solve --batch, in the frame in which bases are sought, z up. All bases of a grid are scored by a map of
+    maira-qp reach, or, without --map, by the solver itself; then the poses are solved from the best bases, and what is
+    printed is what was found: how many poses are reached, how many are proved to be out of reach, the smallest and the
+    mean quality. Of the turns at one position the best is printed.
 
-    Exit code 0: from the best base all poses are reached; 1: from none that was solved; 2 misuse."""
+    Exit code 0: from the best base all poses are reached; 1: from none that was solved; 2: wrong use.
+
+    Example:
+
+        maira-qp place poses.csv --robot ur5 --step 0.2"""
 
     poses: tyro.conf.Positional[Path]
     """File of the poses, .csv, .npz or .parquet; -: CSV from standard input."""
     choice: RobotFlags = field(default_factory=RobotChoice)
-    map: Path | None = None
+    map: Maybe[Path] = None
     """Folder of a finished map of maira-qp reach, which has its robot; none: no map is needed."""
     x: Range = None
     """Bases from where to where along x [m, or mm with --mm], or at one x; none: wherever a pose could be reached
@@ -54,9 +61,9 @@ class Place:
     """The same along z; none: 0, the floor."""
     yaw: Range = None
     """Turns of the base about z, from where to where, or one [rad, or deg with --deg]; none: a whole turn."""
-    step: float | None = None
+    step: Maybe[float] = None
     """Between positions, at most [m, or mm with --mm]; > 0; none: 0.1 m."""
-    turn: float | None = None
+    turn: Maybe[float] = None
     """Between turns, at most [rad, or deg with --deg]; > 0; none: 30 deg."""
     keep: int = 10
     """How many positions are printed; >= 1."""
@@ -65,25 +72,25 @@ class Place:
     1 midway), or the manipulability."""
     seed: int = 0
     """Seed of the random starts; >= 0."""
-    threads: int | None = None
+    threads: Maybe[int] = None
     """Threads; >= 1; none: one a processor. No answer depends on it."""
-    project: tyro.conf.FlagCreatePairsOff[bool] = False
+    project: Flag = False
     """Take the nearest rotations to rounded ones, on purpose."""
-    output: Path | None = None
+    output: Maybe[Path] = None
     """Write the ranked bases to this .csv or .json file, in m and rad."""
-    picture: Path | None = None
+    picture: Maybe[Path] = None
     """Draw the floor and the bases into this .png, .svg or .pdf."""
-    view: tyro.conf.FlagCreatePairsOff[bool] = False
+    view: Flag = False
     """Show the arm at the best base in the browser, with the poses as seen from there."""
     host: str = "127.0.0.1"
     """Address that --view serves at; see maira-qp view."""
     port: int = 8080
     """Port that --view serves at; see maira-qp view."""
-    deg: tyro.conf.FlagCreatePairsOff[bool] = False
+    deg: Flag = False
     """Angles on the command line and in the file of the poses in degrees; --output stays in rad."""
-    mm: tyro.conf.FlagCreatePairsOff[bool] = False
+    mm: Flag = False
     """Lengths on the command line and in the file of the poses in mm; --output stays in m."""
-    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    json: Flag = False
     """One JSON value on stdout."""
 
     def run(self) -> int:
@@ -94,7 +101,7 @@ class Place:
         from maira_qp.scale.placement.placements import checked_file
 
         if self.map is not None and self.choice != RobotChoice():
-            raise OptionError("--map has its robot: leave out --robot, --tip, --base and --limits")
+            raise OptionError("--map has its robot: leave out --robot, --tip, --base, --tool and --limits")
         if self.picture is not None:
             check_picture(self.picture)
         if self.output is not None:
@@ -144,7 +151,11 @@ class Place:
         """The map, or the robot. Raises `JobError`, and what `RobotChoice.load` does."""
         from maira_qp.scale.reach.reach_map import ReachMap
 
-        return self.choice.load_with_one_tip() if self.map is None else ReachMap.open(self.map)
+        return (
+            self.choice.load_with_one_tip(degrees=self.deg, millimetres=self.mm)
+            if self.map is None
+            else ReachMap.open(self.map)
+        )
 
     def _read(self, robot: Robot, units: Any) -> np.ndarray:
         """The poses (N, 4, 4). Raises `PoseError` for a row without one, and for a file without rows."""
