@@ -10,7 +10,9 @@ from typing import BinaryIO
 from maira_qp.errors import MairaError, shown
 
 LARGEST_TABLE = 2 * 2**30
-"""Largest file of poses, packed or unpacked [bytes]: some ten million of them."""
+"""Largest part of a file of poses that is unpacked at a time [bytes]."""
+LARGEST_FILE = 2**63 - 1
+"""Of what is read in pieces [bytes]: any."""
 
 
 def open_regular(path: str | os.PathLike[str], what: str, error: type[MairaError], largest: int) -> BinaryIO:

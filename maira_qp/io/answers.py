@@ -12,9 +12,9 @@ import numpy as np
 
 from maira_qp.errors import OptionError
 from maira_qp.io.atomic_write import replacing
-from maira_qp.io.csv_table import write_csv
-from maira_qp.io.npz_table import NpzTable, write_npz
-from maira_qp.io.parquet_table import write_parquet
+from maira_qp.io.csv_table import CsvWriter
+from maira_qp.io.npz_table import NpzTable, NpzWriter
+from maira_qp.io.parquet_table import ParquetWriter
 from maira_qp.io.poses import check_format
 from maira_qp.io.table import Table
 from maira_qp.results.answer import unknown_errors
@@ -26,15 +26,12 @@ STAYING = ("left_q0", "max_joint_change")
 COLUMNS = ("success", "status", *NUMBERS, *STAYING, "active_limits")
 REMARKS = ("optimal", "start_projected")
 """Fields of a batch that are summed up and not written."""
+Answered = tuple[slice, Mapping[str, np.ndarray]]
+"""Some rows of a table, and the answers to them."""
 
 
-def columns(batches: Iterable[BatchSolution]) -> dict[str, np.ndarray]:
-    """The answers of one batch or more as `COLUMNS` and `REMARKS` (N,), and q (N, n) [rad or m]; text as objects."""
-    blocks = [_columns(batch) for batch in batches]
-    return {name: np.concatenate([block.pop(name) for block in blocks]) for name in tuple(blocks[0])}
-
-
-def _columns(batch: BatchSolution) -> dict[str, np.ndarray]:
+def columns(batch: BatchSolution) -> dict[str, np.ndarray]:
+    """The answers of a batch as `COLUMNS` and `REMARKS` (N,), and q (N, n) [rad or m]; text as objects."""
     limits = np.empty(len(batch), dtype=object)
     limits[:] = [sys.intern(";".join(each)) for each in batch.active_limits]  # a few texts, many times
     found = {"success": batch.success, "status": batch.status_names.astype(object)}
@@ -69,26 +66,61 @@ def check_place(path: Path, table: Table) -> None:
         raise OptionError(f"{path} is the file of the poses; name another one with --output")
 
 
-def write_answers(path: Path, table: Table, answers: Mapping[str, np.ndarray], joint_names: Sequence[str]) -> None:
-    """Writes a file whole or not at all: what the table holds, then the answers. Raises `OSError`, `PoseError`."""
-    with replacing(path) as file:
-        stream_answers(file, path.suffix.lower(), table, answers, joint_names)
+def write_answers(path: Path, table: Table, answered: Iterable[Answered], joint_names: Sequence[str]) -> None:
+    """Write a file: what the table holds, then the answers, as they come.
+
+    It takes the place of `path` when it is whole; where Ctrl-C ends it before, the rows that were answered are in
+    `partial(path)`. Raises `OSError`, `PoseError`, and `KeyboardInterrupt` as it was.
+    """
+    kept: list[Path] = []
+    with replacing(path, interrupted=kept) as file:
+        writer = AnswerWriter(file, path.suffix.lower(), table, joint_names)
+        try:
+            for rows, answers in answered:
+                writer.write(rows, answers)
+        except KeyboardInterrupt:
+            if writer.done:
+                writer.close()
+                kept.append(partial(path))
+            raise
+        writer.close()
 
 
-def stream_answers(
-    file: BinaryIO, suffix: str, table: Table, answers: Mapping[str, np.ndarray], joint_names: Sequence[str]
-) -> None:
-    """Writes the same to a stream, in the format of files that end in `suffix`. Raises `OSError`, `PoseError`."""
-    arrays = [answers[name] for name in COLUMNS]
-    if suffix == ".npz":
-        arrays += [answers["q"], np.array(joint_names, dtype=str)]
-    else:
-        arrays += list(answers["q"].T)
-    named = dict(zip(_names(suffix == ".npz", joint_names), arrays, strict=True))
-    invalid = answers["status"] == Status.INVALID_TARGET.name
-    if suffix != ".npz":
-        named = {name: _known(array, invalid) for name, array in named.items()}
-    {".csv": write_csv, ".npz": write_npz, ".parquet": write_parquet}[suffix](file, table, named)
+def partial(path: Path) -> Path:
+    """Where the answers are that there were when a run was interrupted."""
+    return path.with_suffix(f".partial{path.suffix}")
+
+
+class AnswerWriter:
+    """Writes answers behind the rows that asked for them, one block after another, to a file or a stream."""
+
+    def __init__(self, file: BinaryIO, suffix: str, table: Table, joint_names: Sequence[str]) -> None:
+        """In the format of files that end in `suffix`. Raises `OSError`."""
+        self._is_archive, self._joints = suffix == ".npz", joint_names
+        names = _names(self._is_archive, joint_names)
+        kinds = {".csv": CsvWriter, ".npz": NpzWriter, ".parquet": ParquetWriter}
+        self._writer = kinds[suffix](file, table, names[:-1] if self._is_archive else names)
+        self._names = names
+        self.done = 0
+        """Rows that are written"""
+
+    def write(self, rows: slice, answers: Mapping[str, np.ndarray]) -> None:
+        """Some rows, and what `columns` says of them. Raises `OSError`, `PoseError`."""
+        arrays = [answers[name] for name in COLUMNS]
+        arrays += [answers["q"]] if self._is_archive else list(answers["q"].T)
+        named = dict(zip(self._names, arrays, strict=False))
+        if not self._is_archive:
+            invalid = answers["status"] == Status.INVALID_TARGET.name
+            named = {name: _known(array, invalid) for name, array in named.items()}
+        self._writer.write(rows, named)
+        self.done += len(answers["status"])
+
+    def close(self) -> None:
+        """Write what comes after the last row. Raises `OSError`."""
+        if isinstance(self._writer, NpzWriter):
+            self._writer.close({"joint_names": np.array(self._joints, dtype=str)})
+        else:
+            self._writer.close()
 
 
 def _known(array: np.ndarray, invalid: np.ndarray) -> np.ndarray:

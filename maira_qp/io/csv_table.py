@@ -1,17 +1,19 @@
 """Comma-separated values: a header, then one pose per line.
 
 Columns may be separated by semicolons or tabs instead, with decimals written with a comma, and the text may be UTF-8 or
-UTF-16: what spreadsheets write in other countries. The file stays in memory as it is: an answer is written behind the
-line that asked for it, in the same manner, so that every further column comes back unchanged.
+UTF-16: what spreadsheets write in other countries. An answer is written behind the line that asked for it, in the same
+manner, so that every further column comes back unchanged. The file is looked through once, and stays on the disk; what
+is kept of it, the numbers and where each row is, is on the disk too.
 """
 
 from __future__ import annotations
 
 import codecs
 import csv
-import io
 import itertools
 import math
+import tempfile
+import weakref
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from operator import itemgetter
 from pathlib import Path
@@ -20,26 +22,31 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from maira_qp.errors import PoseError
+from maira_qp.io.disk_rows import Spool, read_exactly
 from maira_qp.io.table import ALL, Choose, Table
-from maira_qp.regular_files import LARGEST_TABLE, read_regular
+from maira_qp.regular_files import LARGEST_FILE, open_regular
 
 CHUNK = 2_000
 """So many rows are taken apart into cells at a time; more at a time are slower, and take memory."""
 LINE_END = b"\n"
+PIECE = 2**20
+"""Bytes that are read at a time, where lines do not matter."""
+LONGEST_LINE = 16 * 2**20
+"""[bytes]"""
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 OTHERS = {"|": "bars", " ": "blanks"}
 """What some people separate columns by, and is not taken."""
 
 
 class CsvTable(Table):
-    """A CSV file in memory, as its bytes."""
+    """A CSV file."""
 
-    def __init__(self, path: Path, choose: Choose, content: bytes | None = None) -> None:
-        """Reads a file, or takes its content. Raises `PoseError`, naming the line, for what is not a table or not a
-        number."""
+    def __init__(self, path: Path, choose: Choose, stream: BinaryIO | None = None) -> None:
+        """Looks through a file, or what a stream holds. Raises `PoseError`, naming the line, for what is not a table or
+        not a number; `OSError`."""
         self.path = path
-        content = read_regular(path, "the table", PoseError, LARGEST_TABLE) if content is None else content
-        self._content = self._in_utf8(content)
+        self._file = _as_file(path, stream)
+        weakref.finalize(self, self._file.close)
         self.separator = self._separator()
         """Of columns: a comma, a semicolon or a tab."""
         self.decimal = "."
@@ -51,23 +58,29 @@ class CsvTable(Table):
         self.names = self._named(cells)
         self._numeric = tuple(choose(self.names))
         place = [self.names.index(name) for name in self._numeric]
-        spans = [np.empty((0, 2), dtype=np.int64)]
-        numbers = [np.empty((0, len(place)))]
+        spans, numbers = Spool(), Spool()
+        spans.append(np.empty((0, 2), dtype=np.int64))
+        numbers.append(np.empty((0, len(place))))
         while chunk := list(itertools.islice(records, CHUNK)):
             spans.append(np.array([each[:2] for each in chunk]))
             numbers.append(self._parsed(chunk, place))
-        self._spans = np.concatenate(spans)
-        """(N, 2) begin and end in the bytes"""
-        self.numbers = np.concatenate(numbers)
+        (self._spans,), (self._numbers,) = spans.rows(), numbers.rows()
+
+    def __len__(self) -> int:
+        return len(self._spans)
+
+    def numbers(self, rows: slice = ALL) -> np.ndarray:
+        """See `Table.numbers`."""
+        return self._numbers[rows]
 
     def where(self, row: int) -> str:
         """File and line."""
-        return self._line(int(self._spans[row, 0]))
+        return self._line(int(self._spans[row : row + 1][0, 0]))
 
     def columns(self, rows: slice = ALL) -> dict[str, Any]:
         """Numbers where numbers were asked for, else text."""
         columns: dict[str, Any] = {name: [] for name in self.names}
-        columns |= zip(self._numeric, self.numbers[rows].T, strict=True)
+        columns |= zip(self._numeric, self.numbers(rows).T, strict=True)
         text = [(i, columns[name]) for i, name in enumerate(self.names) if name not in self._numeric]
         begin, end, _ = rows.indices(len(self))
         for first in range(begin, end, CHUNK):
@@ -80,42 +93,52 @@ class CsvTable(Table):
 
     def records(self, rows: slice = ALL) -> list[str]:
         """The rows as they are in the file, without the ends of their lines."""
-        return [self._raw(begin, end) for begin, end in self._spans[rows].tolist()]
+        spans = self._spans[rows].tolist()
+        if not spans:
+            return []
+        first = spans[0][0]
+        content = read_exactly(self._file.fileno(), first, spans[-1][1] - first)
+        return [content[begin - first : end - first].rstrip(b"\r\n").decode() for begin, end in spans]
 
     def _raw(self, begin: int, end: int) -> str:
-        return self._content[begin:end].rstrip(b"\r\n").decode()
+        return read_exactly(self._file.fileno(), begin, end - begin).rstrip(b"\r\n").decode()
 
     def _line(self, begin: int) -> str:
-        return f"{self.path}, line {self._content.count(LINE_END, 0, begin) + 1}"
-
-    def _in_utf8(self, content: bytes) -> bytes:
-        """The text in UTF-8. Raises `PoseError` for text in UTF-16 that is broken off."""
-        if not content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-            return content
-        try:
-            return content.decode("utf-16").encode()
-        except UnicodeDecodeError as reason:
-            raise PoseError(f"{self.path} is not text in UTF-16: {reason}") from None
+        count = 1
+        for at in range(0, begin, PIECE):
+            count += read_exactly(self._file.fileno(), at, min(PIECE, begin - at)).count(LINE_END)
+        return f"{self.path}, line {count}"
 
     def _separator(self) -> str:
         """What separates the names of columns: the sign that is there most often, outside quotes."""
-        for line in io.BytesIO(self._content):
+        for _, line in self._lines():
             unquoted = b"".join(line.split(b'"')[::2])
             if unquoted.strip():
                 return max(SEPARATORS, key=lambda sign: unquoted.count(sign.encode()))
         return ","
 
+    def _lines(self) -> Iterator[tuple[int, bytes]]:
+        """Where each line ends, and the line; a mark at the beginning aside. Raises `PoseError`."""
+        self._file.seek(0)
+        end = len(codecs.BOM_UTF8) if self._file.read(len(codecs.BOM_UTF8)) == codecs.BOM_UTF8 else 0
+        self._file.seek(end)
+        while line := self._file.readline(LONGEST_LINE + 1):
+            if len(line) > LONGEST_LINE:
+                raise PoseError(f"{self._line(end)} is longer than {LONGEST_LINE >> 20} MB")
+            end += len(line)
+            yield end, line
+
     def _records(self) -> Iterator[tuple[int, int, list[str]]]:
         """Begin and end in the bytes, and the cells, of each row that is not blank; the header is the first."""
-        begin = end = len(codecs.BOM_UTF8) if self._content.startswith(codecs.BOM_UTF8) else 0
-        file = io.BytesIO(self._content)
-        file.seek(begin)
+        begin = end = 0
 
         def lines() -> Iterator[str]:
-            nonlocal end
-            for line in file:
+            nonlocal begin, end
+            for at, line in self._lines():
+                if not end:
+                    begin = end = at - len(line)
                 text = line.decode()
-                end += len(line)
+                end = at
                 yield text
 
         try:
@@ -181,20 +204,74 @@ class CsvTable(Table):
         return float(self._with_point(cell))
 
 
+class CsvWriter:
+    """Writes rows of a table, each with its answer behind it, one block after another."""
+
+    def __init__(self, file: BinaryIO, table: Table, names: Sequence[str]) -> None:
+        """The header, with the names of the answers. Raises `OSError`."""
+        self._file, self._table = file, table
+        self._separator, self._decimal = (table.separator, table.decimal) if isinstance(table, CsvTable) else (",", ".")
+        header = table.header if isinstance(table, CsvTable) else ",".join(map(_quoted, table.names))
+        file.write(self._separator.join([header, *(_quoted(name, self._separator) for name in names)]).encode() + b"\n")
+
+    def write(self, rows: slice, answers: Mapping[str, np.ndarray]) -> None:
+        """Some rows, and their answers. Raises `OSError`."""
+        begin, end, _ = rows.indices(len(self._table))
+        for first in range(begin, end, CHUNK):
+            last = min(first + CHUNK, end)
+            asked = _asked(self._table, slice(first, last))
+            some = slice(first - begin, last - begin)
+            answered = [_texts(column[some], self._separator, self._decimal) for column in answers.values()]
+            lines = map(self._separator.join, zip(*asked, *answered, strict=True))
+            self._file.write("".join(f"{line}\n" for line in lines).encode())
+
+    def close(self) -> None:
+        """Nothing is left to be written."""
+
+
 def write_csv(file: BinaryIO, table: Table, answers: Mapping[str, np.ndarray]) -> None:
     """The rows of a table, each with its answer behind it. Raises `OSError`."""
-    separator, decimal = (table.separator, table.decimal) if isinstance(table, CsvTable) else (",", ".")
-    header = table.header if isinstance(table, CsvTable) else ",".join(map(_quoted, table.names))
-    file.write(separator.join([header, *(_quoted(name, separator) for name in answers)]).encode() + b"\n")
-    for begin in range(0, len(table), CHUNK):
-        rows = slice(begin, begin + CHUNK)
-        if isinstance(table, CsvTable):
-            asked = [table.records(rows)]
-        else:
-            asked = [_texts(column) for column in table.columns(rows).values()]
-        answered = [_texts(column[rows], separator, decimal) for column in answers.values()]
-        lines = map(separator.join, zip(*asked, *answered, strict=True))
-        file.write("".join(f"{line}\n" for line in lines).encode())
+    CsvWriter(file, table, list(answers)).write(ALL, answers)
+
+
+def _asked(table: Table, rows: slice) -> list[Iterable[str]]:
+    """What stands before the answers, as texts."""
+    if isinstance(table, CsvTable):
+        return [table.records(rows)]
+    return [_texts(column) for column in table.columns(rows).values()]
+
+
+def _as_file(path: Path, stream: BinaryIO | None) -> BinaryIO:
+    """A file in UTF-8 that can be read anywhere, from the beginning: the one that is there, or one without a name.
+
+    Raises `PoseError` for what is no regular file, and for text in UTF-16 that is broken off; `OSError`.
+    """
+    source = open_regular(path, "the table", PoseError, LARGEST_FILE) if stream is None else stream
+    begin = source.read(2)
+    is_utf16 = begin in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+    if stream is None and not is_utf16:
+        return source
+    target = tempfile.TemporaryFile()  # noqa: SIM115, the table closes it
+    try:
+        decoder = codecs.getincrementaldecoder("utf-16")()
+        piece = begin
+        while True:
+            more = source.read(PIECE)
+            target.write(decoder.decode(piece, final=not more).encode() if is_utf16 else piece)
+            if not more:
+                break
+            piece = more
+        target.flush()
+    except UnicodeDecodeError as reason:
+        target.close()
+        raise PoseError(f"{path} is not text in UTF-16: {reason}") from None
+    except BaseException:
+        target.close()
+        raise
+    finally:
+        if stream is None:
+            source.close()
+    return target
 
 
 def _texts(column: Any, separator: str = ",", decimal: str = ".") -> Iterable[str]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Mapping
+import weakref
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from maira_qp.errors import OptionError, PoseError
 from maira_qp.io.table import ALL, Choose, Table, one_line
-from maira_qp.regular_files import LARGEST_TABLE, open_regular
+from maira_qp.regular_files import LARGEST_FILE, LARGEST_TABLE, open_regular
 
 
 def check_pyarrow() -> None:
@@ -21,58 +22,117 @@ def check_pyarrow() -> None:
 
 
 class ParquetTable(Table):
-    """A Parquet file in memory."""
+    """A Parquet file, of which one group of rows is in memory at a time."""
 
     def __init__(self, path: Path, choose: Choose) -> None:
-        """Reads a file. Raises `PoseError` for what is no Parquet and for columns without numbers."""
+        """Looks through a file. Raises `PoseError` for what is no Parquet and for columns without numbers."""
         import pyarrow as pa
         from pyarrow import parquet
 
         self.path = path
-        with open_regular(path, "the table", PoseError, LARGEST_TABLE) as file:
+        self._file = open_regular(path, "the table", PoseError, LARGEST_FILE)
+        weakref.finalize(self, self._file.close)
+        try:
+            self._stored = parquet.ParquetFile(self._file)
+        except (pa.ArrowException, OSError, ValueError) as reason:
+            raise PoseError(f"{path} cannot be read as Parquet: {one_line(reason)}") from None
+        metadata = self._stored.metadata
+        for k in range(metadata.num_row_groups):
+            unpacked = _unpacked(metadata.row_group(k))
+            if unpacked > LARGEST_TABLE:
+                raise PoseError(
+                    f"{path}: a group of rows unpacks to {unpacked} bytes, more than the {LARGEST_TABLE} that are read"
+                )
+        self._ends = np.cumsum([0, *(metadata.row_group(k).num_rows for k in range(metadata.num_row_groups))])
+        self._kept: tuple[int, Any] = -1, None
+        self.schema = self._stored.schema_arrow
+        self.names = [name.strip() for name in self.schema.names]
+        self._chosen = [self.names.index(name) for name in choose(self.names)]
+        for k in self._chosen:
+            if not _numeric(self.schema.field(k).type):
+                kind = self.schema.field(k).type
+                raise PoseError(f"{path}: column {self.names[k]!r} must hold numbers, not {kind}")
+
+    def __len__(self) -> int:
+        return int(self._ends[-1])
+
+    def table(self, rows: slice = ALL) -> Any:
+        """Some rows, as pyarrow has them. Raises `PoseError` where they are damaged."""
+        import pyarrow as pa
+
+        begin, end, _ = rows.indices(len(self))
+        parts = [self.schema.empty_table()]
+        for k in range(int(np.searchsorted(self._ends, begin, side="right")) - 1, len(self._ends) - 1):
+            first = int(self._ends[k])
+            if first >= end:
+                break
+            part = self._group(k)
+            parts.append(part.slice(max(0, begin - first), min(end, int(self._ends[k + 1])) - max(begin, first)))
+        return pa.concat_tables(parts)
+
+    def _group(self, k: int) -> Any:
+        import pyarrow as pa
+
+        if self._kept[0] != k:
+            self._kept = -1, None
             try:
-                stored = parquet.ParquetFile(file)
-                unpacked = _unpacked(stored.metadata)
-                if unpacked > LARGEST_TABLE:
-                    raise PoseError(f"{path} unpacks to {unpacked} bytes, more than the {LARGEST_TABLE} that are read")
-                self.table = stored.read()
-            except PoseError:
-                raise
+                self._kept = k, self._stored.read_row_group(k)
             except (pa.ArrowException, OSError, ValueError) as reason:
-                raise PoseError(f"{path} cannot be read as Parquet: {one_line(reason)}") from None
-        self.names = [name.strip() for name in self.table.column_names]
-        chosen = choose(self.names)
-        self.numbers = np.empty((self.table.num_rows, len(chosen)))
-        for number, name in enumerate(chosen):
-            column = self.table.column(self.names.index(name))
-            if not _numeric(column.type):
-                raise PoseError(f"{path}: column {name!r} must hold numbers, not {column.type}")
-            self.numbers[:, number] = column.cast(pa.float64(), safe=False).to_numpy()
+                raise PoseError(f"{self.path} cannot be read as Parquet: {one_line(reason)}") from None
+        return self._kept[1]
+
+    def numbers(self, rows: slice = ALL) -> np.ndarray:
+        """See `Table.numbers`."""
+        import pyarrow as pa
+
+        table = self.table(rows)
+        numbers = np.empty((table.num_rows, len(self._chosen)))
+        for i, k in enumerate(self._chosen):
+            numbers[:, i] = table.column(k).cast(pa.float64(), safe=False).to_numpy()
+        return numbers
 
     def where(self, row: int) -> str:
         """File and index."""
         return f"{self.path}, row {row} (counted from 0)"
 
     def columns(self, rows: slice = ALL) -> dict[str, Any]:
-        """Arrays of numbers where no cell is empty, else lists of Python's values, None for an empty cell."""
-        begin, end, _ = rows.indices(len(self))
-        return {
-            name: _values(column.slice(begin, end - begin))
-            for name, column in zip(self.names, self.table.columns, strict=True)
-        }
+        """Arrays of numbers, masked where a cell is empty, else lists of Python's values, None for an empty cell."""
+        return {name: _values(column) for name, column in zip(self.names, self.table(rows).columns, strict=True)}
+
+
+class ParquetWriter:
+    """Writes the columns of a table, and those of the answers, one block after another."""
+
+    def __init__(self, file: BinaryIO, table: Table, names: Sequence[str]) -> None:
+        """Nothing is written before the first block, which says what the columns are."""
+        self._file, self._table, self._writer = file, table, None
+
+    def write(self, rows: slice, answers: Mapping[str, np.ndarray]) -> None:
+        """Some rows, and their answers. Raises `OSError`, `PoseError`."""
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        table = self._table
+        whole = table.table(rows) if isinstance(table, ParquetTable) else _arrow(table.columns(rows))
+        for name, values in answers.items():
+            mask = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
+            text = pa.string() if values.dtype.kind == "O" else None
+            whole = whole.append_column(name, pa.array(np.asarray(values), text, mask=mask))
+        if self._writer is None:
+            self._writer = parquet.ParquetWriter(self._file, whole.schema)
+        self._writer.write_table(whole)
+
+    def close(self) -> None:
+        """Write the end of the file. Raises `OSError`."""
+        if self._writer is not None:
+            self._writer.close()
 
 
 def write_parquet(file: BinaryIO, table: Table, answers: Mapping[str, np.ndarray]) -> None:
     """The columns of a table, and those of the answers. Raises `OSError`."""
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    whole = table.table if isinstance(table, ParquetTable) else _arrow(table.columns())
-    for name, values in answers.items():
-        mask = values.mask if isinstance(values, np.ma.MaskedArray) else None
-        text = pa.string() if values.dtype.kind == "O" else None
-        whole = whole.append_column(name, pa.array(np.asarray(values), text, mask=mask))
-    parquet.write_table(whole, file)
+    writer = ParquetWriter(file, table, list(answers))
+    writer.write(ALL, answers)
+    writer.close()
 
 
 def _arrow(columns: Mapping[str, Any]) -> Any:
@@ -81,16 +141,16 @@ def _arrow(columns: Mapping[str, Any]) -> Any:
     arrays = {}
     for name, values in columns.items():
         try:
-            arrays[name] = pa.array(values)
+            mask = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
+            arrays[name] = pa.array(np.asarray(values) if mask is not None else values, mask=mask)
         except pa.ArrowException as reason:
             raise PoseError(f"column {name!r} cannot be written as Parquet: {one_line(reason)}") from None
     return pa.table(arrays)
 
 
-def _unpacked(metadata: Any) -> int:
-    """How many bytes a table takes in memory, at the least."""
-    groups = (metadata.row_group(i).total_byte_size for i in range(metadata.num_row_groups))
-    return max(sum(groups), 8 * metadata.num_rows * metadata.num_columns)
+def _unpacked(group: Any) -> int:
+    """How many bytes a group of rows takes in memory, at the least."""
+    return max(group.total_byte_size, 8 * group.num_rows * group.num_columns)
 
 
 def _numeric(kind: Any) -> bool:
@@ -103,7 +163,10 @@ def _values(column: Any) -> Any:
     import pyarrow as pa
     from pyarrow import types
 
-    plain = types.is_floating(column.type) or types.is_integer(column.type) or types.is_boolean(column.type)
-    if plain and not column.null_count:
-        return column.to_numpy()
+    if types.is_floating(column.type) or types.is_integer(column.type) or types.is_boolean(column.type):
+        if not column.null_count:
+            return column.to_numpy()
+        if not types.is_boolean(column.type):
+            gone = column.is_null().to_numpy()
+            return np.ma.masked_array(column.fill_null(0).to_numpy(), mask=gone)
     return (column.cast(pa.string()) if types.is_temporal(column.type) else column).to_pylist()

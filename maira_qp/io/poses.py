@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -30,7 +31,7 @@ ON_PURPOSE = {
 
 @dataclass(frozen=True)
 class Poses:
-    """What a file asks for: N poses, made from its numbers when they are wanted."""
+    """What a file asks for: N poses, made from its numbers when they are wanted, a block at a time."""
 
     table: Table
     layout: Layout
@@ -42,35 +43,49 @@ class Poses:
     """One metre in the unit of the file."""
     project: bool
     """Take the nearest rotation to a rounded one, however far it is."""
-    valid: np.ndarray
-    """(N,) the row holds a pose: no cell of it is empty, all numbers are finite."""
-    deviation: np.ndarray
-    """(N,) how far its orientation is from a rotation, 0 within 1e-5; known once its target was made"""
 
     def __len__(self) -> int:
         return len(self.table)
 
-    def targets(self, rows: slice) -> np.ndarray:
+    def valid(self, rows: slice) -> np.ndarray:
+        """Which rows (M,) hold a pose, and a start where there are any: no cell is empty, all numbers are finite."""
+        return _are_finite(self.table.numbers(rows))
+
+    def targets(self, rows: slice, valid: np.ndarray | None = None) -> np.ndarray:
         """Transformations (M, 4, 4) [m]; all NaN where there is no pose. Raises `PoseError`, which names the row."""
-        found = np.arange(len(self))[rows][self.valid[rows]]
-        numbers = self.table.numbers[rows, : len(self.layout.pose)]
-        T = np.full((len(numbers), 4, 4), np.nan)
-        T[self.valid[rows]], self.deviation[found] = _transformations(
+        return self.targets_and_deviations(rows, valid)[0]
+
+    def targets_and_deviations(self, rows: slice, valid: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Transformations (M, 4, 4) [m], and how far (M,) their orientations are from rotations, 0 within 1e-5.
+
+        `valid` (M,) says which rows hold a pose, None: `valid` of this. Raises `PoseError`, which names the row.
+        """
+        numbers = self.table.numbers(rows)
+        valid = _are_finite(numbers) if valid is None else valid
+        found = np.arange(*rows.indices(len(self)))[valid]
+        T, deviations = np.full((len(numbers), 4, 4), np.nan), np.zeros(len(numbers))
+        T[valid], deviations[valid] = _transformations(
             self.layout.form,
-            numbers[self.valid[rows]],
+            numbers[valid, : len(self.layout.pose)],
             self.radian,
             self.metre,
             self.project,
             lambda i: self.table.where(int(found[i])),
         )
-        return T
+        return T, deviations
 
-    def starts(self, rows: slice) -> np.ndarray | None:
+    def starts(self, rows: slice, valid: np.ndarray | None = None) -> np.ndarray | None:
         """Starts (M, n) [rad or m], zero where there is no pose; None: the file holds none."""
         if not self.layout.start:
             return None
-        numbers = self.table.numbers[rows, len(self.layout.pose) :]
-        return np.where(self.valid[rows, None], numbers, 0.0) / self.scale
+        numbers = self.table.numbers(rows)
+        valid = _are_finite(numbers) if valid is None else valid
+        return np.where(valid[:, None], numbers[:, len(self.layout.pose) :], 0.0) / self.scale
+
+
+def _are_finite(numbers: np.ndarray) -> np.ndarray:
+    """Whether all numbers of each row (M, k) are."""
+    return np.logical_and.reduce(np.isfinite(numbers), axis=1)
 
 
 def check_format(path: Path) -> None:
@@ -91,7 +106,7 @@ def read_poses(
     farthest: float = math.inf,
     project: bool = False,
     position_only: bool = False,
-    content: bytes | None = None,
+    stream: BinaryIO | None = None,
 ) -> Poses:
     """The poses of a file.
 
@@ -104,11 +119,11 @@ def read_poses(
         farthest: a coordinate [m] beyond which a position is a mistake.
         project: take the nearest rotation to a rounded one, however far it is.
         position_only: a file may hold positions without orientations; those of its poses are then the base's.
-        content: what came from elsewhere, as CSV; `path` is then its name in messages. None: the file is read.
+        stream: where CSV comes from; `path` is then its name in messages. None: the file.
 
     Raises `PoseError`, which names the row or column, `OptionError`.
     """
-    if content is None:
+    if stream is None:
         check_format(path)
 
     def choose(names: Sequence[str]) -> Sequence[str]:
@@ -117,13 +132,12 @@ def read_poses(
         except PoseError as reason:
             raise reason.at(str(path)) from None
 
-    table = _read(path, choose, joint_names or (), content)
+    table = _read(path, choose, joint_names or (), stream)
     found = layout(table.names, joint_names, position_only=position_only)
-    valid = np.logical_and.reduce(np.isfinite(table.numbers), axis=1)
-    poses = Poses(table, found, radian, scale, metre, project, valid, np.zeros(len(valid)))
+    poses = Poses(table, found, radian, scale, metre, project)
     for rows in blocks(len(poses)):
         T = poses.targets(rows)  # a bad one is told now, not after the rows before it were solved
-        distance = np.abs(T[:, :3, 3]).max(axis=1)
+        distance = np.abs(T[:, :3, 3]).max(axis=1, initial=0.0)
         for i in np.flatnonzero(distance > farthest)[:1].tolist():
             raise PoseError(f"{table.where(rows.start + i)}: {distance[i]:.3g} m away is no target for this arm")
     return poses
@@ -134,10 +148,10 @@ def blocks(count: int) -> list[slice]:
     return [slice(begin, begin + BLOCK) for begin in range(0, max(count, 1), BLOCK)]
 
 
-def _read(path: Path, choose: Choose, joint_names: Sequence[str], content: bytes | None) -> Table:
+def _read(path: Path, choose: Choose, joint_names: Sequence[str], stream: BinaryIO | None) -> Table:
     suffix = path.suffix.lower()
-    if suffix == ".csv" or content is not None:
-        return CsvTable(path, choose, content)
+    if suffix == ".csv" or stream is not None:
+        return CsvTable(path, choose, stream)
     return NpzTable(path, choose, joint_names) if suffix == ".npz" else ParquetTable(path, choose)
 
 

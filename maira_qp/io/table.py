@@ -16,16 +16,18 @@ ALL = slice(None)
 
 
 class Table(ABC):
-    """A file that was read."""
+    """A file that was looked through; its rows stay where they are until they are asked for."""
 
     path: Path
     names: Sequence[str]
     """Of its columns, in their order."""
-    numbers: np.ndarray
-    """(N, k) the columns that were chosen, NaN where a cell is empty."""
 
-    def __len__(self) -> int:
-        return len(self.numbers)
+    @abstractmethod
+    def __len__(self) -> int: ...
+
+    @abstractmethod
+    def numbers(self, rows: slice = ALL) -> np.ndarray:
+        """The columns (M, k) that were chosen, of some rows, NaN where a cell is empty."""
 
     @abstractmethod
     def where(self, row: int) -> str:
@@ -46,6 +48,10 @@ class ColumnTable(Table):
 
     def __len__(self) -> int:
         return len(next(iter(self._columns.values()), ()))
+
+    def numbers(self, rows: slice = ALL) -> np.ndarray:
+        """None was chosen."""
+        return np.empty((len(range(*rows.indices(len(self)))), 0))
 
     def where(self, row: int) -> str:
         """Its index."""

@@ -35,6 +35,6 @@ def from_csv(
     )
     if not len(poses):
         raise PoseError(f"{file} holds no pose below its header")
-    for i in np.flatnonzero(~poses.valid)[:1].tolist():
+    for i in np.flatnonzero(~poses.valid(slice(None)))[:1].tolist():
         raise PoseError(f"{poses.table.where(i)}: a pose of a path has an empty cell, NaN or inf")
     return placed(np.concatenate([poses.targets(rows) for rows in blocks(len(poses))]), frame)

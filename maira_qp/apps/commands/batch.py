@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,14 +15,23 @@ import numpy as np
 from rich.console import Console
 
 from maira_qp.apps.arguments.output import VERDICTS, Units, console, print_json, progress_bar
-from maira_qp.apps.arguments.standard_streams import STANDARD, beside, name_and_content
+from maira_qp.apps.arguments.standard_streams import STANDARD, beside, name_and_stream
 from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.errors import OptionError, PoseError
-from maira_qp.io.answers import check_names, check_output, columns, left_out, stream_answers, write_answers
+from maira_qp.io.answers import (
+    Answered,
+    AnswerWriter,
+    check_names,
+    check_output,
+    columns,
+    left_out,
+    partial,
+    write_answers,
+)
 from maira_qp.io.poses import Poses, blocks, read_poses
+from maira_qp.io.table import Table
 from maira_qp.problem.targets import FARTHEST
 from maira_qp.results.answer import ERRORS, unknown_errors
-from maira_qp.results.batch import BatchSolution
 from maira_qp.results.status import Status
 from maira_qp.robots.model.robot import Robot
 from maira_qp.robots.unit_hints import degrees_hint, degrees_hint_of_angles, millimetres_hint_of_many
@@ -64,7 +74,7 @@ class Batch:
         joints = solver.robot.joint_names
         output = self.output or beside(self.path, "solved")
         is_streamed = output == STANDARD
-        name, content = name_and_content(self.path)
+        name, stream = name_and_stream(self.path)
         poses = read_poses(
             name,
             joints,
@@ -74,7 +84,7 @@ class Batch:
             position_only=True,
             farthest=FARTHEST * solver.robot.length,
             project=self.project,
-            content=content,
+            stream=stream,
         )
         if poses.layout.form == "position":
             solver = positions
@@ -84,39 +94,60 @@ class Batch:
             check_names(False, poses.table, joints)
         else:
             check_output(output, poses.table, joints)
-        begin = time.monotonic()
+        tally, begin = Tally(solver, poses, self.q0), time.monotonic()
         with progress_bar("solving") as progress:
-            answers = columns(self._solved(solver, poses, progress))
+            answered = self._answered(solver, poses, units, tally, progress)
+            if is_streamed:
+                self._stream(answered, poses.table, joints)
+            else:
+                try:
+                    write_answers(output, poses.table, answered, joints)
+                except KeyboardInterrupt:
+                    if tally.written:
+                        sys.stderr.write(f"the answers to the first {tally.written} poses are in {partial(output)}\n")
+                    raise
         seconds = time.monotonic() - begin
-        answers["q"] = units.write(answers["q"])
-        if is_streamed:
-            with reader_may_leave():
-                stream_answers(sys.stdout.buffer, ".csv", poses.table, answers, joints)
-        else:
-            write_answers(output, poses.table, answers, joints)
-        hints = unit_hints(solver.robot, poses, answers["success"], self.q0)
-        summary = _summary(solver, poses, answers, seconds, hints) | {"output": str(output)}
+        summary = tally.summary(seconds) | {"output": str(output)}
         with reader_may_leave():
             print_json(summary, stderr=is_streamed) if json else _show(summary, units, console(stderr=is_streamed))
         for name in left_out(output, poses.table):
             console(stderr=True).print(
                 f"left out of {output}: {name!r}, which has no entry for each pose", soft_wrap=True
             )
-        if not poses.valid.all():
+        if tally.without_pose:
             return VERDICTS["INVALID_TARGET"]
-        return VERDICTS["CONVERGED" if answers["success"].all() else "NEAREST"]
+        return VERDICTS["CONVERGED" if tally.solved == tally.count else "NEAREST"]
 
-    def _solved(self, solver: Solver, poses: Poses, progress: Callable[[int, int], None]) -> Iterator[BatchSolution]:
+    def _stream(self, answered: Iterator[Answered], table: Table, joints: Sequence[str]) -> None:
+        """Write to standard output as long as somebody reads there."""
+        writer: AnswerWriter | None = None
+        for rows, answers in answered:
+            with reader_may_leave():
+                writer = writer or AnswerWriter(sys.stdout.buffer, ".csv", table, joints)
+                writer.write(rows, answers)
+                sys.stdout.buffer.flush()
+
+    def _answered(
+        self, solver: Solver, poses: Poses, units: Units, tally: Tally, progress: Callable[[int, int], None]
+    ) -> Iterator[Answered]:
+        """The answers to all poses, a block at a time."""
         for rows in blocks(len(poses)):
-            q0 = poses.starts(rows) if self.q0 is None else self.q0
+            valid = poses.valid(rows)
+            T, deviations = poses.targets_and_deviations(rows, valid)
+            q0 = poses.starts(rows, valid) if self.q0 is None else self.q0
 
             def show(done: int, _: int, before: int = rows.start) -> None:
                 progress(before + done, len(poses))
 
             try:
-                yield solver.solve_batch(poses.targets(rows), q0, self.seed, threads=self.threads, progress=show)
+                batch = solver.solve_batch(T, q0, self.seed, threads=self.threads, progress=show)
             except PoseError as reason:
                 raise PoseError(_with_place(str(reason), poses, rows.start)) from None
+            answers = columns(batch)
+            tally.add(rows, valid, deviations, answers)
+            answers["q"] = units.write(answers["q"])
+            yield rows, answers
+            tally.written = tally.count
 
 
 def _with_place(message: str, poses: Poses, begin: int) -> str:
@@ -124,47 +155,100 @@ def _with_place(message: str, poses: Poses, begin: int) -> str:
     return re.sub(r"target (\d+)", lambda match: f"pose of {poses.table.where(begin + int(match[1]))}", message)
 
 
-def _summary(
-    solver: Solver, poses: Poses, answers: dict[str, np.ndarray], seconds: float, hints: list[str]
-) -> dict[str, Any]:
-    solved, valid, count = answers["success"], poses.valid, len(poses)
-    worst = {name: answers[name][valid].max() if valid.any() else None for name in ERRORS.values()}
-    worst |= unknown_errors(solver.problem.left_free)
-    unsettled = solved & ~answers["optimal"]
-    return {
-        "robot": solver.robot.name,
-        "tip": solver.robot.tip,
-        "backend": solver.backend,
-        "poses": count,
-        "solved": int(solved.sum()),
-        **{status.name.lower(): int((answers["status"] == status.name).sum()) for status in list(Status)[1:]},
-        "without_pose": int((~valid).sum()),
-        "first_not_solved": None if solved.all() else poses.table.where(int(np.argmin(solved))),
-        "positions_alone": len(poses) if poses.layout.form == "position" else 0,
-        "targets_rounded": int((poses.deviation > 0).sum()),
-        "worst_target_deviation": poses.deviation.max(initial=0.0),
-        "starts_moved_onto_limits": int(answers["start_projected"][valid].sum()),
-        "starts_left": int(answers["left_q0"].sum()),
-        "redundancy_not_settled": 0 if solver.redundancy is None else int(unsettled.sum()),
-        **{f"worst_{name}": error for name, error in worst.items()},
-        "seconds": seconds,
-        "poses_per_second": count / max(seconds, 1e-9),
-        "hints": hints,
-    }
+class Tally:
+    """What a summary says of the answers, counted a block at a time."""
+
+    def __init__(self, solver: Solver, poses: Poses, q0: np.ndarray | None) -> None:
+        """Nothing is counted yet."""
+        self._solver, self._poses, self._hints = solver, poses, Hints(solver.robot, poses, q0)
+        self.count = self.solved = self.without_pose = self.written = 0
+        self._first_not_solved: int | None = None
+        self._sums: Counter[str] = Counter()
+        self._worst: dict[str, float] = {}
+
+    def add(self, rows: slice, valid: np.ndarray, deviations: np.ndarray, answers: Mapping[str, np.ndarray]) -> None:
+        """Count the answers to some rows, of which those that are `valid` hold a pose."""
+        solved = answers["success"]
+        if self._first_not_solved is None and not solved.all():
+            self._first_not_solved = rows.start + int(np.argmin(solved))
+        self.count += len(solved)
+        self.solved += int(solved.sum())
+        self.without_pose += int((~valid).sum())
+        self._sums.update(answers["status"].tolist())
+        self._sums["rounded"] += int((deviations > 0).sum())
+        self._sums["projected"] += int(answers["start_projected"][valid].sum())
+        self._sums["left"] += int(answers["left_q0"].sum())
+        self._sums["unsettled"] += int((solved & ~answers["optimal"]).sum())
+        worst = {name: answers[name][valid] for name in ERRORS.values()}
+        for name, values in (worst | {"deviation": deviations}).items():
+            if len(values):
+                self._worst[name] = max(self._worst.get(name, 0.0), float(values.max()))
+        self._hints.add(rows, valid, solved)
+
+    def summary(self, seconds: float) -> dict[str, Any]:
+        """All of it, for JSON."""
+        solver, first = self._solver, self._first_not_solved
+        positions = self._poses.layout.form == "position"
+        worst = {name: self._worst.get(name) for name in ERRORS.values()} | unknown_errors(solver.problem.left_free)
+        return {
+            "robot": solver.robot.name,
+            "tip": solver.robot.tip,
+            "backend": solver.backend,
+            "poses": self.count,
+            "solved": self.solved,
+            **{status.name.lower(): self._sums[status.name] for status in list(Status)[1:]},
+            "without_pose": self.without_pose,
+            "first_not_solved": None if first is None else self._poses.table.where(first),
+            "positions_alone": self.count if positions else 0,
+            "targets_rounded": self._sums["rounded"],
+            "worst_target_deviation": self._worst.get("deviation", 0.0),
+            "starts_moved_onto_limits": self._sums["projected"],
+            "starts_left": self._sums["left"],
+            "redundancy_not_settled": 0 if solver.redundancy is None else self._sums["unsettled"],
+            **{f"worst_{name}": error for name, error in worst.items()},
+            "seconds": seconds,
+            "poses_per_second": self.count / max(seconds, 1e-9),
+            "hints": self._hints.said(),
+        }
 
 
-def unit_hints(robot: Robot, poses: Poses, solved: np.ndarray, q0: np.ndarray | None) -> list[str]:
-    """What looks like millimetres or degrees where metres and radians are asked for."""
-    numbers, form = poses.table.numbers[poses.valid & ~solved], poses.layout.form
-    hints = [millimetres_hint_of_many(numbers[:, [3, 7, 11] if form == "matrix" else [0, 1, 2]] / poses.metre, robot)]
-    if poses.radian == 1.0:
-        angles = poses.table.numbers[poses.valid, 3:6] if form == "rpy" else np.empty(0)
-        starts = poses.starts(slice(None)) if q0 is None else q0[None]
-        worst = np.empty((0, robot.n)) if starts is None else starts[np.abs(starts).max(axis=1).argsort()[-1:]]
-        hints += [degrees_hint_of_angles(angles, "roll, pitch, yaw")]
-        hints += [degrees_hint(start, robot, "a start") for start in worst]
-    flags = {"degrees": "--deg", "millimetres": "--mm"}
-    return [f"{hint} ({flag})" for hint in hints for word, flag in flags.items() if word in hint]
+class Hints:
+    """What looks like millimetres or degrees where metres and radians are asked for: of all rows the worst."""
+
+    def __init__(self, robot: Robot, poses: Poses, q0: np.ndarray | None) -> None:
+        """`q0` (n,) is the start of all, None: those of the poses."""
+        self._robot, self._poses = robot, poses
+        self._farthest, self._angles = np.empty((0, 3)), np.empty(0)
+        self._start = np.empty((0, robot.n)) if q0 is None else q0[None]
+        self._starts_of_rows = q0 is None
+
+    def add(self, rows: slice, valid: np.ndarray, solved: np.ndarray) -> None:
+        """Look at some rows, of which those that are `valid` hold a pose."""
+        poses, numbers, form = self._poses, self._poses.table.numbers(rows), self._poses.layout.form
+        position = numbers[valid & ~solved][:, [3, 7, 11] if form == "matrix" else [0, 1, 2]] / poses.metre
+        self._farthest = _largest(np.concatenate([self._farthest, position[np.isfinite(position).all(axis=1)]]))
+        if form == "rpy":
+            self._angles = np.atleast_1d(np.abs(np.append(self._angles, numbers[valid, 3:6])).max(initial=0.0))
+        starts = poses.starts(rows, valid) if self._starts_of_rows else None
+        if starts is not None:
+            self._start = _largest(np.concatenate([self._start, starts]))
+
+    def said(self) -> list[str]:
+        """The hints, each with the flag that it is about."""
+        hints = [millimetres_hint_of_many(self._farthest, self._robot)]
+        if self._poses.radian == 1.0:
+            hints += [degrees_hint_of_angles(self._angles, "roll, pitch, yaw")]
+            hints += [degrees_hint(start, self._robot, "a start") for start in self._start]
+        flags = {"degrees": "--deg", "millimetres": "--mm"}
+        return [f"{hint} ({flag})" for hint in hints for word, flag in flags.items() if word in hint]
+
+
+def _largest(rows: np.ndarray) -> np.ndarray:
+    """Of rows (N, k) the one (1, k) that is farthest out; none of none."""
+    if not len(rows):
+        return rows
+    k = int(np.linalg.norm(rows, axis=1).argmax())
+    return rows[k : k + 1]
 
 
 def _show(summary: dict[str, Any], units: Units, out: Console) -> None:

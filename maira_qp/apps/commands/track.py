@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -15,7 +15,7 @@ from maira_qp.apps.arguments.flags import RobotFlags, SolverFlags, checked_seed
 from maira_qp.apps.arguments.numbers import JointValues
 from maira_qp.apps.arguments.optional import Flag, Maybe, explained
 from maira_qp.apps.arguments.robot_choice import RobotChoice
-from maira_qp.apps.arguments.standard_streams import STANDARD, beside, name_and_content
+from maira_qp.apps.arguments.standard_streams import STANDARD, beside, name_and_stream
 from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.errors import OptionError, PoseError
 from maira_qp.problem.options import Options
@@ -124,7 +124,7 @@ class Track:
         output = self.output or beside(self.poses, "path")
         is_streamed = output == STANDARD
         self._check_files(output, poses)
-        begin, targets = time.monotonic(), poses.targets(slice(None))
+        begin, targets = time.monotonic(), poses.targets(slice(None), np.ones(len(poses), dtype=bool))
         with progress_bar("following") as progress:
             path = solver.track(
                 targets,
@@ -171,7 +171,7 @@ class Track:
         from maira_qp.io.poses import read_poses
         from maira_qp.problem.targets import FARTHEST
 
-        name, content = name_and_content(self.poses)
+        name, stream = name_and_stream(self.poses)
         poses = read_poses(
             name,
             robot.joint_names,
@@ -180,20 +180,20 @@ class Track:
             scale=units.scale,
             farthest=FARTHEST * robot.length,
             project=self.project,
-            content=content,
+            stream=stream,
         )
         if not len(poses):
             raise PoseError(f"{name} holds no pose: a path needs at least one")
-        numbers = poses.table.numbers[:, : len(poses.layout.pose)]
-        valid = np.logical_and.reduce(np.isfinite(numbers), axis=1)  # starts after the first row may be missing
+        numbers = poses.table.numbers()[:, : len(poses.layout.pose)]
+        valid = np.isfinite(numbers).all(axis=1)  # starts after the first row may be missing
         for row in np.flatnonzero(~valid)[:1].tolist():
             raise PoseError(f"{poses.table.where(row)}: a cell is empty or not finite; a path needs every pose")
-        return replace(poses, valid=valid)
+        return poses
 
     def _start(self, poses: Poses, units: Units) -> np.ndarray | None:
         """The configuration (n,) at the first pose, or None. Raises `OptionError` for two of them."""
         if self.q0 is None:
-            starts = poses.starts(slice(0, 1))
+            starts = poses.starts(slice(0, 1), np.ones(1, dtype=bool))
             return None if starts is None else starts[0]
         if poses.layout.start:
             raise OptionError(f"--q0 and the columns q0_... of {poses.table.path} both give a start; leave one out")
@@ -292,7 +292,10 @@ def _summary(
     seconds: float,
     q0: np.ndarray | None,
 ) -> dict[str, Any]:
-    from maira_qp.apps.commands.batch import unit_hints
+    from maira_qp.apps.commands.batch import Hints
+
+    hints = Hints(robot, poses, q0)
+    hints.add(slice(None), np.ones(len(poses), dtype=bool), path.success)
 
     k = path.first_failure
     return {
@@ -314,7 +317,7 @@ def _summary(
         "duration": None if trajectory is None else trajectory.duration,
         "position_deviation": None if trajectory is None else vars(trajectory.position_deviation),
         "orientation_deviation": None if trajectory is None else vars(trajectory.orientation_deviation),
-        "hints": unit_hints(robot, poses, path.success, q0),
+        "hints": hints.said(),
     }
 
 

@@ -8,6 +8,7 @@ import os
 import resource
 import subprocess
 import sys
+import tracemalloc
 from contextlib import contextmanager
 
 import numpy as np
@@ -689,7 +690,7 @@ def test_a_killed_process_leaves_what_was_there(tmp_path):
     assert path.read_text() == "whole\n"
 
 
-def test_ctrl_c_leaves_nothing(tmp_path):
+def test_ctrl_c_in_the_first_block_leaves_nothing(tmp_path):
     """An interrupt in the middle of a batch, when the first targets are done: exit code 130, one line, no answers."""
     T = np.tile(np.eye(4), (20_000, 1, 1))
     T[:, 0, 3] = np.linspace(5, 9, len(T))
@@ -707,6 +708,63 @@ def test_ctrl_c_leaves_nothing(tmp_path):
     assert done.stderr.splitlines()[-1] == "maira-qp: interrupted"
     assert "Traceback" not in done.stderr
     assert os.listdir(tmp_path) == ["poses.npz"]
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_ctrl_c_leaves_the_rows_that_were_answered(run, tmp_path, maira, asked, kind, monkeypatch):
+    """In a file of another name, whole, and the same as when nothing interrupts; the old answers stay."""
+    T, solve, calls = np.concatenate([asked[0]] * 2), mq.Solver.solve_batch, []
+
+    def interrupt(solver, *arguments, **options):
+        calls.append(1)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return solve(solver, *arguments, **options)
+
+    path = write(tmp_path / f"poses.{kind}", {"targets": T} if kind == "npz" else in_columns(T))
+    old, file = tmp_path / f"poses.solved.{kind}", tmp_path / f"poses.solved.partial.{kind}"
+    old.write_text("old")
+    monkeypatch.setattr(poses, "BLOCK", 10)
+    monkeypatch.setattr(mq.Solver, "solve_batch", interrupt)
+    code, _, err = run(path)
+    assert code == 130
+    assert f"the answers to the first 20 poses are in {file}" in err
+    assert sorted(os.listdir(tmp_path)) == sorted([path.name, file.name, old.name])
+    assert old.read_text() == "old"
+    found, before = read(file), read(path)
+    monkeypatch.undo()
+    same(found, mq.Solver(maira).solve_batch(T[:20]))
+    for name, column in before.items():
+        np.testing.assert_array_equal(found[name], column[:20])
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_memory_does_not_grow_with_the_file(run, tmp_path, asked, kind, monkeypatch):
+    """Eight times as many rows take no more than half as much again, of which nothing is left."""
+    monkeypatch.setattr(poses, "BLOCK", 250)
+    monkeypatch.setattr(csv_table, "CHUNK", 250)
+    monkeypatch.setattr("maira_qp.io.npz_table.ROWS", 250)
+    peaks = []
+    for count in (500, 500, 4000):  # the first is for what is made once
+        T = np.resize(asked[0], (count, 4, 4))
+        columns = in_columns(T) | {"note": np.array([f"row {i} of many" for i in range(count)])}
+        path = tmp_path / f"poses{count}.{kind}"
+        if kind == "parquet":
+            parquet.write_table(pyarrow.table({k: v.tolist() for k, v in columns.items()}), path, row_group_size=250)
+        else:
+            write(path, {"targets": T} if kind == "npz" else columns)
+        pool = pyarrow.proxy_memory_pool(pyarrow.default_memory_pool())
+        before = pyarrow.default_memory_pool()
+        pyarrow.set_memory_pool(pool)
+        tracemalloc.start()
+        try:
+            assert run(path, "--threads", 1, "--json")[0] == 0
+            peaks.append(tracemalloc.get_traced_memory()[1] + pool.max_memory())
+        finally:
+            tracemalloc.stop()
+            pyarrow.set_memory_pool(before)
+        assert len(joint_values(read(tmp_path / f"poses{count}.solved.{kind}"))) == count
+    assert peaks[2] < 1.5 * peaks[1], peaks
 
 
 def test_progress_counts_the_whole_file(run, tmp_path, asked, monkeypatch):

@@ -15,7 +15,7 @@ from maira_qp.apps.arguments.flags import RobotFlags, checked_seed
 from maira_qp.apps.arguments.numbers import Range
 from maira_qp.apps.arguments.optional import Flag, Maybe, explained
 from maira_qp.apps.arguments.robot_choice import RobotChoice
-from maira_qp.apps.arguments.standard_streams import name_and_content
+from maira_qp.apps.arguments.standard_streams import name_and_stream
 from maira_qp.apps.commands.view import check_viser, serve
 from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.errors import OptionError, PoseError
@@ -162,13 +162,13 @@ class Place:
         from maira_qp.io.poses import read_poses
         from maira_qp.problem.targets import FARTHEST
 
-        name, content = name_and_content(self.poses)
+        name, stream = name_and_stream(self.poses)
         far = FARTHEST * robot.length
         how = {"radian": units.radian, "metre": units.metre, "farthest": far, "project": self.project}
-        poses = read_poses(name, None, content=content, **how)
+        poses = read_poses(name, None, stream=stream, **how)
         if not len(poses):
             raise PoseError(f"{name} holds no pose: bases are ranked by the poses that are reached from them")
-        for row in np.flatnonzero(~poses.valid)[:1].tolist():
+        for row in np.flatnonzero(~poses.valid(slice(None)))[:1].tolist():
             raise PoseError(f"{poses.table.where(row)}: a cell is empty or not finite; every row is to be a pose")
         return poses.targets(slice(None))
 
