@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+import ipaddress
 import logging
+import os
+import secrets
 import sys
 import tempfile
 import time
+import webbrowser
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -35,10 +39,15 @@ class View:
 
     choice: RobotFlags = field(default_factory=RobotChoice)
     host: str = "127.0.0.1"
-    """Address to serve at; the default is for this machine alone, 0.0.0.0 for whoever reaches it: there is no password,
-    and whoever sees the page can read robot files and write recordings."""
+    """Address to serve at; the default is for this machine alone, 0.0.0.0 for whoever reaches it: then a token is asked
+    for, since whoever has the page can read robot files and write recordings."""
     port: int = 8080
     """Port to serve at; if it is taken, the next one that is free; >= 0, 0: any."""
+    token: bool = False
+    """Let in only who opens the address that is printed, with a token that is new each time; always beyond this
+    machine."""
+    browser: bool = True
+    """Open the page in a browser, where there is a screen."""
     map: Maybe[Path] = None
     """Folder of a map of maira-qp reach, to be shown about its arm; none: no map."""
 
@@ -46,7 +55,7 @@ class View:
         """Serves until it is interrupted."""
         check_viser()
         if self.map is None:
-            serve(self.choice, self.host, self.port)
+            serve(self.choice, self.host, self.port, token=self.token, browser=self.browser)
             return 0
         if self.choice != RobotChoice():
             raise OptionError("--map has its robot: leave out --robot, --tip, --base and --limits")
@@ -54,7 +63,15 @@ class View:
         from maira_qp.scale.reach.reach_map import ReachMap
 
         reach = ReachMap.open(self.map)
-        serve(self.choice, self.host, self.port, robot=reach.robot, layers=[map_of(reach)])
+        serve(
+            self.choice,
+            self.host,
+            self.port,
+            robot=reach.robot,
+            layers=[map_of(reach)],
+            token=self.token,
+            browser=self.browser,
+        )
         return 0
 
 
@@ -65,9 +82,18 @@ def check_viser() -> None:
 
 
 def serve(
-    choice: RobotChoice, host: str, port: int, *, robot: Robot | None = None, layers: Sequence[Layer] = ()
+    choice: RobotChoice,
+    host: str,
+    port: int,
+    *,
+    robot: Robot | None = None,
+    layers: Sequence[Layer] = (),
+    token: bool = False,
+    browser: bool = True,
 ) -> None:
     """Serve a robot until it is interrupted: that of the flags, or another one.
+
+    Beyond this machine a token is asked for in any case; a browser is opened if there is a screen for it.
 
     Raises `OptionError`, `RobotError`, `FrameError`, `OSError`.
     """
@@ -84,9 +110,12 @@ def serve(
                 file = Path(folder) / f"{robot.name}.urdf"
                 file.write_text(robot.urdf, encoding="utf-8")
                 choice = RobotChoice(robot=str(file), tip=robot.tip, base=robot.base)
-            viewer = Viewer(choice, host, port, layers)
-            sys.stdout.write(f"the viewer of {viewer.current.robot.name} is at {viewer.url} (Ctrl-C ends it)\n")
+            secret = secrets.token_urlsafe(16) if token or not _is_this_machine(host) else None
+            viewer = Viewer(choice, host, port, layers, secret)
+            sys.stdout.write(f"the viewer of {viewer.current.robot.name} is at {viewer.address} (Ctrl-C ends it)\n")
             sys.stdout.flush()
+            if browser and _has_screen():
+                webbrowser.open(viewer.address)
             try:
                 while True:
                     time.sleep(3600)
@@ -94,3 +123,16 @@ def serve(
                 viewer.close()
     finally:
         log.setLevel(level)
+
+
+def _is_this_machine(host: str) -> bool:
+    """Nobody else reaches it."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host.lower() == "localhost"
+
+
+def _has_screen() -> bool:
+    """A browser has somewhere to open; on Linux one in the terminal would be found otherwise."""
+    return sys.platform in ("darwin", "win32") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

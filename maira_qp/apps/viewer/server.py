@@ -15,6 +15,7 @@ import numpy as np
 import viser
 
 from maira_qp.apps.arguments.robot_choice import RobotChoice
+from maira_qp.apps.viewer.access import start_server
 from maira_qp.apps.viewer.drawing.camera import Ball
 from maira_qp.apps.viewer.drawing.layers import Layer
 from maira_qp.apps.viewer.drawing.scene import Scene
@@ -33,6 +34,8 @@ PANEL_EVERY = 6
 SILENCE = 5.0
 """An error that comes again within this time [s] is not told again."""
 UPLOADED = (".urdf", ".xml", ".toml", ".yaml", ".yml")
+EVERYWHERE = ("0.0.0.0", "::")
+"""Hosts that stand for every address of this machine."""
 LARGEST_UPLOAD = 16 * 2**20
 """[bytes]"""
 
@@ -41,12 +44,19 @@ class Viewer:
     """Serves a robot until it is closed."""
 
     def __init__(
-        self, choice: RobotChoice, host: str = "127.0.0.1", port: int = 8080, layers: Sequence[Layer] = ()
+        self,
+        choice: RobotChoice,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        layers: Sequence[Layer] = (),
+        token: str | None = None,
     ) -> None:
-        """At a free port from `port` on; 0: any; layers are of this robot. Raises `RobotError`, `FrameError`,
-        `OSError`."""
+        """At a free port from `port` on; 0: any; layers are of this robot; pages without the token are not let in.
+
+        Raises `RobotError`, `FrameError`, `OptionError`, `OSError`.
+        """
         shown = prepared(choice)
-        self._server = _serve(host, port)
+        self._token, self._server = token, start_server(host, port, token)
         self._told: tuple[str, float] = "", 0.0
         self._ticks = 0
         self._loop = Loop(shown.session, self._show, self._failed)
@@ -60,7 +70,13 @@ class Viewer:
     def url(self) -> str:
         """Where it is served."""
         host = self._server.get_host()
+        host = socket.gethostname() if host in EVERYWHERE else host
         return f"http://{f'[{host}]' if ':' in host else host}:{self._server.get_port()}"
+
+    @property
+    def address(self) -> str:
+        """What a browser is to open: where it is served, with the token."""
+        return self.url if self._token is None else f"{self.url}/?token={self._token}"
 
     @property
     def server(self) -> viser.ViserServer:
@@ -187,15 +203,3 @@ class Viewer:
         self._told = text, now
         for client in self._server.get_clients().values():
             client.add_notification("This does not work", text, color="red", auto_close_seconds=12)
-
-
-def _serve(host: str, port: int) -> viser.ViserServer:
-    """A server without words on the terminal, and without a button to share it with the world. Raises `OSError`."""
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    socket.create_server((host, 0), family=family).close()  # viser would look for a free port for ever
-    with contextlib.redirect_stdout(io.StringIO()):
-        server = viser.ViserServer(host=host, port=port, verbose=False)
-    server.gui.configure_theme(
-        show_logo=False, show_share_button=False, control_width="medium", brand_color=(41, 115, 204)
-    )
-    return server

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import urllib.error
 import urllib.request
 
 import pytest
@@ -41,15 +42,19 @@ def test_what_cannot_be_served_is_told(refused):
 
 @needs_viser
 def test_it_serves_its_page_until_it_is_interrupted(tmp_path):
-    command = [sys.executable, "-m", "maira_qp", "view", "--port", "0"]
+    command = [sys.executable, "-m", "maira_qp", "view", "--port", "0", "--token", "--no-browser"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     process = subprocess.Popen(command, **pipes, text=True, env=os.environ, preexec_fn=heed_interrupts)
     try:
         line = process.stdout.readline()
         url = line.split(" is at ")[1].split()[0]
-        assert url.startswith("http://127.0.0.1:")
+        address, token = url.split("/?token=")
+        assert address.startswith("http://127.0.0.1:")
+        assert len(token) > 20
         with urllib.request.urlopen(url, timeout=30) as page:
             assert b"<html" in page.read(2000).lower()
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(address, timeout=30)
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=30)
     finally:
