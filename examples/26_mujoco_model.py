@@ -38,6 +38,9 @@ MODEL = """
       </body>
     </body>
   </worldbody>
+  <tendon>
+    <fixed name="stretch" range="-1 1.6"><joint joint="shoulder" coef="1"/><joint joint="elbow" coef="1"/></fixed>
+  </tendon>
   <equality><joint joint1="right" joint2="left"/></equality>
   <keyframe><key name="home" qpos="0 0.3 0.5 0.9 0.2 0 0 0"/></keyframe>
 </mujoco>
@@ -54,6 +57,8 @@ def main() -> None:
     robot = mq.Robot.from_mjcf(MODEL, tip="grip")
     print(robot)
     print("states:", ", ".join(robot.states))
+    (stretch,) = robot.sum_limits  # the range of the tendon, which every solver keeps
+    print(stretch.name, dict(stretch.coefficients), "within", (stretch.lower, stretch.upper))
     solver = mq.Solver(robot, limits=[mq.CollisionLimit()], redundancy=mq.Strict(mq.Posture(robot.state("home"))))
     target = robot.forward([0.2, 0.6, 0.9, 0.7, 0.4, 0.5])
     s = solver.solve(target, q0=robot.state("home"))
@@ -65,6 +70,13 @@ def main() -> None:
         data.joint(name).qpos[:] = value
     mujoco.mj_forward(model, data)
     print(f"MuJoCo has the site {np.linalg.norm(data.site('grip').xpos - target.translation):.1e} m from the target")
+
+    far = mq.Solver(robot, task=mq.PositionTask()).solve(mq.pose([1.5, 0.0, 0.3]), q0=s.q)
+    for name, value in zip(robot.joint_names, far.q, strict=True):
+        data.joint(name).qpos[:] = value
+    mujoco.mj_forward(model, data)
+    length = data.tendon("stretch").length.item()
+    print(f"toward the floor {far.active_limits} hold it: MuJoCo has the tendon at {length:.3f}")
 
     hand = mq.Robot.from_mjcf(MODEL, tip=["left", "right"], base="hand")
     print("the fingers, coupled by an equality:", hand.joint_names)

@@ -386,8 +386,8 @@ class Robot(Shown):
         """The same robot with tighter limits of position and speed, and accelerations of the caller's choice.
 
         Each is None (as it is), a number for all joints, an array (n,), or a mapping {joint name: value}, in which the
-        joints that are not named keep theirs. Mimic joints follow the limits of their leaders. The description's own
-        limits are never loosened: a looser one is an error, not cut.
+        joints that are not named keep theirs. Mimic joints follow the limits of their leaders, limits of sums stay. The
+        description's own limits are never loosened: a looser one is an error, not cut.
 
         Args:
             lower, upper: [rad, or m]; both make a revolute joint of a continuous one
@@ -550,11 +550,16 @@ class Robot(Shown):
 
         Joints that mimic them stand where that leads them.
 
-        Raises `OptionError` for a joint that does not move, or a value outside its range; `RobotError` if no joint is
-        left that moves a tip.
+        Raises `OptionError` for a joint that does not move, a value outside its range, or values that break a limit of
+        a sum; `RobotError` if no joint is left that moves a tip.
         """
         ranges = dict(zip(self.joint_names, zip(self.lower.tolist(), self.upper.tolist(), strict=True), strict=True))
-        return self._edited(Locked(placed_values(values, ranges, "locked", self._follows)))
+        placed = placed_values(values, ranges, "locked", self._follows)
+        for limit in self.sum_limits:
+            if not (left := limit.placed(placed)).coefficients and not left.lower <= 0.0 <= left.upper:
+                joints = ", ".join(limit.coefficients)
+                raise OptionError(f"locked: these values break the limit {limit.name!r} of the joints {joints}")
+        return self._edited(Locked(placed))
 
     def at_rest(self, values: Mapping[str, float]) -> Robot:
         """The same robot with joints placed that do not move, those of another arm, say: `values` {joint name: value}.
@@ -709,8 +714,10 @@ class Robot(Shown):
     def clip(self, q: Any) -> np.ndarray: ...
 
     def clip(self, q: Any) -> Any:
-        """The configuration (n,) within the limits that is nearest to q (n,); of a mapping, which need not name all
-        joints, the same joints by name. Raises `ConfigurationError`."""
+        """The configuration (n,) within the limits of the joints that is nearest to q (n,), whatever `sum_limits` say.
+
+        Of a mapping, which need not name all joints, the same joints by name. Raises `ConfigurationError`.
+        """
         if isinstance(q, Mapping):
             clipped = np.clip(self._checked(q, default=self.middle), self.lower, self.upper)
             return {name: float(clipped[self.joint_names.index(name)]) for name in q}

@@ -95,6 +95,10 @@ def test_limits_of_sums_go_with_the_robot(hand, rng):
     assert locked.sum_limits[1].upper == pytest.approx(0.5)
     assert mq.Robot.from_urdf(locked.urdf, tip=locked.tip).sum_limits == locked.sum_limits
     assert mq.Robot.from_mjcf(HAND, tip="c").locked({"elbow": 0.3, "shoulder": 0.0}).sum_limits == ()
+    with pytest.raises(
+        OptionError, match="locked: these values break the limit 'parallelogram' of the joints shoulder"
+    ):
+        hand.locked({"elbow": 0.7, "shoulder": 0.7})
     own = mq.LinearLimit([[1, 0, 0, 0, 0, 0]], [0.2])
     solver = mq.Solver(hand, limits=[own], task=mq.PositionTask())
     assert [type(limit).__name__ for limit in solver.limits[-2:]] == ["LinearLimit"] * 2
