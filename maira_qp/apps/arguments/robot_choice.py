@@ -16,7 +16,6 @@ from maira_qp.robots.urdf.rpy import matrix_from_rpy
 if TYPE_CHECKING:
     from maira_qp.robots.model.robot import Robot
 
-CATALOG = ("maira", "iiwa14")
 COUNTS = {2: "two", 3: "three", 4: "four", 5: "five"}
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from maira_qp.apps.arguments.flags import RobotFlags
-from maira_qp.apps.arguments.optional import Maybe, explained
+from maira_qp.apps.arguments.optional import Flag, Maybe, explained
 from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.errors import OptionError
 
@@ -43,11 +43,11 @@ class View:
     for, since whoever has the page can read robot files and write recordings."""
     port: int = 8080
     """Port to serve at; if it is taken, the next one that is free; >= 0, 0: any."""
-    token: bool = False
+    token: Flag = False
     """Let in only who opens the address that is printed, with a token that is new each time; always beyond this
     machine."""
-    browser: bool = True
-    """Open the page in a browser, where there is a screen."""
+    browser: Flag = True
+    """Do not open the page in a browser; else it opens where there is a screen."""
     map: Maybe[Path] = None
     """Folder of a map of maira-qp reach, to be shown about its arm; none: no map."""
 

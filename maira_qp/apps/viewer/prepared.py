@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -9,10 +10,11 @@ from typing import NamedTuple
 
 from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.apps.viewer.drawing.geometry import Geometry, geometry_of
-from maira_qp.apps.viewer.panel.robot import Loaded
+from maira_qp.apps.viewer.panel.robot import Loaded, tips_text
 from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.tips import tips_in
-from maira_qp.errors import FrameError
+from maira_qp.errors import FrameError, MairaError
+from maira_qp.robots.model.robot import Robot
 
 
 class Prepared(NamedTuple):
@@ -25,8 +27,8 @@ class Prepared(NamedTuple):
     content: bytes | None
     """Of a file that was uploaded"""
 
-    def with_tip(self, tip: str) -> Prepared:
-        """The same robot with another tip. Raises `MairaError`, `OSError`."""
+    def with_tip(self, tip: str | None) -> Prepared:
+        """The same robot with another tip; None: its own ones. Raises `MairaError`, `OSError`."""
         choice = replace(self.choice, tip=tip)
         if self.content is None:
             return prepared(choice)
@@ -37,10 +39,9 @@ class Prepared(NamedTuple):
 
 
 def prepared(choice: RobotChoice, name: str | None = None, content: bytes | None = None) -> Prepared:
-    """A session and what its robot looks like; meshes are sought beside the robot's file and in the folders above."""
+    """A session and what its robot looks like; meshes are sought above the file that the robot is from."""
     file = Path(choice.robot)
-    directories = [str(folder) for folder in file.resolve().parents] if file.is_file() else []
-    is_urdf = bool(directories) and file.suffix.lower() in (".urdf", ".xml")
+    is_urdf = file.is_file() and file.suffix.lower() in (".urdf", ".xml")
     try:
         robot = choice.load()
     except FrameError:
@@ -48,8 +49,21 @@ def prepared(choice: RobotChoice, name: str | None = None, content: bytes | None
         if not tips:
             raise
         robot = replace(choice, tip=tips[0]).load()  # of several ends; the panel names it, and lists the others
-    tips = tips_in(file) if is_urdf else tuple(reversed(robot.moved_links))
-    geometry = geometry_of(robot, directories)
-    shown = robot.tip, *(tip for tip in tips if tip != robot.tip)
-    loaded = Loaded(name or (file.name if directories else choice.robot), shown, geometry.notes)
-    return Prepared(Session(robot, directories), geometry, choice, loaded, content)
+    geometry = geometry_of(robot, robot.mesh_folders)
+    links = tips_in(file) if is_urdf else tuple(reversed(robot.moved_links))
+    loaded = Loaded(
+        name or (file.name if file.is_file() else choice.robot), _tips(choice, robot, links), geometry.notes
+    )
+    return Prepared(Session(robot, robot.mesh_folders), geometry, choice, loaded, content)
+
+
+def _tips(choice: RobotChoice, robot: Robot, links: tuple[str, ...]) -> dict[str, str | None]:
+    """What may be the tip: what is now, the ones that the robot has by its name, and single links."""
+    tips: dict[str, str | None] = {tips_text(robot): choice.tip}
+    if choice.tip is not None:
+        with contextlib.suppress(MairaError):
+            own = replace(choice, tip=None, tool=None).load()
+            tips.setdefault(tips_text(own), None)
+    for link in (*robot.tips, *links):
+        tips.setdefault(link, link)
+    return tips

@@ -117,8 +117,8 @@ class Viewer:
         with self.failures(client):
             self._replace(prepared(RobotChoice(robot=robot, tip=tip)))
 
-    def tip(self, tip: str, client: viser.ClientHandle | None) -> None:
-        """Show the same robot with another tip."""
+    def tip(self, tip: str | None, client: viser.ClientHandle | None) -> None:
+        """Show the same robot with another tip; None: its own ones."""
         with self.failures(client):
             self._replace(self._prepared.with_tip(tip))
 

@@ -410,6 +410,7 @@ def test_a_path_is_made_followed_scrubbed_played_explained_and_left(tab, viewer)
 
 def test_another_robot_is_picked_and_a_wrong_file_is_told(tab, viewer):
     tab.open("Robot")
+    tab.unfold("From a file")
     tab.write(0, "nowhere.urdf")
     tab.page.wait_for_timeout(500)
     tab.click("Load the file")
@@ -430,7 +431,8 @@ def test_another_robot_is_picked_and_a_wrong_file_is_told(tab, viewer):
     tab.page.get_by_text("iiwa14 (link5)").wait_for(timeout=1000 * PATIENCE)
     tab.open("Robot")
     tab.page.get_by_text("to link5").wait_for(timeout=1000 * PATIENCE)
-    tab.click("Show it")
+    tab.page.get_by_label("Robot", exact=True).click()
+    tab.page.get_by_role("option", name="maira").click()
     tab.wait(lambda: viewer.current.robot.name == "maira")
 
 

@@ -27,8 +27,8 @@ class Ask(Protocol):
     def robot(self, robot: str, tip: str | None, client: viser.ClientHandle | None) -> None:
         """Another robot: a name of the catalog, or a file."""
 
-    def tip(self, tip: str, client: viser.ClientHandle | None) -> None:
-        """The robot that is shown, with another tip."""
+    def tip(self, tip: str | None, client: viser.ClientHandle | None) -> None:
+        """The robot that is shown, with another tip; None: its own ones."""
 
     def uploaded_robot(self, name: str, content: bytes, tip: str | None, client: viser.ClientHandle | None) -> None:
         """Another robot, from a file that a browser sent."""

@@ -124,7 +124,8 @@ def recording(recording: Recording) -> str:
 def robot(robot: Robot, source: str) -> str:
     """Which robot is loaded."""
     base = f"{robot.n} joints from {robot.base} to {', '.join(robot.tips)}"
-    return f'<div style="padding:0 0.75em"><b>{escape(robot.name)}</b></div>{_line(f"{source}: {base}")}'
+    words = base if source == robot.name else f"{source}: {base}"
+    return f'<div style="padding:0 0.75em"><b>{escape(robot.name)}</b></div>{_line(words)}'
 
 
 def notes(lines: list[str]) -> str:
