@@ -52,10 +52,12 @@ class WholeTurns:
         Of `long_slides` the arm's length on either side of it.
         """
         lower, upper = self.robot.lower, self.robot.upper
+        cut = self.everywhere | self.long_slides
+        if not cut.any():
+            return lower, upper
         half = np.where(self.robot.slides, self.robot.length, 0.5 * TURN)
         middle = np.clip(self.aim, lower + half, upper - half)
         first, last = np.maximum(middle - half, lower), np.minimum(middle + half, upper)
-        cut = self.everywhere | self.long_slides
         return np.where(cut, first, lower), np.where(cut, last, upper)
 
     def around(self, turns: int) -> tuple[np.ndarray, np.ndarray]:

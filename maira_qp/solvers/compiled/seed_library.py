@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from maira_qp.kernels.jit.simd import LANES
-from maira_qp.kernels.layout import Feature
+from maira_qp.kernels.layout import Feature, Setting
 from maira_qp.kernels.search.seeds import fill_library
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.targets import row_of
@@ -76,8 +76,22 @@ class SeedLibrary:
 
     @cached_property
     def features(self) -> np.ndarray:
-        """(LIBRARY / LANES, 13, LANES), see `library_features`."""
-        return library_features(self.known, self.settings, self.posture)
+        """(LIBRARY / LANES, 13, LANES), see `kernels.search.seeds`.
+
+        Their square counts the distance from the posture too, or from the middle. Slides that are placed by the target
+        count in neither.
+        """
+        known, share = self.known, POSTURE_SHARE if self.posture is not None else MIDDLE_SHARE
+        posture = known.middle if self.posture is None else self.posture
+        distance = np.square(known.configurations - posture.q_ref) @ (posture.joint_weights * ~known.turns.long_slides)
+        mean = distance.mean()
+        features, spread = known.features(self.settings)
+        if mean <= 0.0:
+            return features
+        features = features.copy()
+        distance = np.minimum(distance, mean)  # nothing else is near a target in a corner of the limits
+        features[:, Feature.SQUARE] += (share * spread / distance.mean()) * distance.reshape(-1, LANES)
+        return features
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +120,30 @@ class KnownPoses:
             rows[:, 9:] = rows[:, 9:] @ _across_slides(self.robot, self.turns.long_slides)
         return rows
 
+    @cached_property
+    def middle(self) -> Posture:
+        """The middle of the limits, where joints have less than a turn."""
+        return Posture(weights=(~self.turns.everywhere).astype(float)).of(self.robot)
+
+    def features(self, settings: np.ndarray) -> tuple[np.ndarray, float]:
+        """Features (LIBRARY / LANES, 13, LANES) of the poses alone, and their spread; not to be written to."""
+        weights = settings[[Setting.POSITION_WEIGHT, Setting.ORIENTATION_WEIGHT]].tobytes()
+        kept = self._features.get(weights)
+        if kept is None:
+            features = np.empty((LIBRARY // LANES, Feature.WIDTH, LANES))
+            fill_library(settings, self.rows, features)
+            poses = features[:, : Feature.SQUARE]
+            spread = np.square(poses - poses.mean(axis=(0, 2), keepdims=True)).sum(axis=1).mean()
+            kept = features, float(spread)
+            self._features.clear()
+            self._features[weights] = kept
+        return kept
+
+    @cached_property
+    def _features(self) -> dict[bytes, tuple[np.ndarray, float]]:
+        """Those for the weights of the last call."""
+        return {}
+
 
 def starting_library(robot: Robot, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
     """Configurations (LIBRARY, n): corners of lower and upper (n,), the others spread evenly between them."""
@@ -115,26 +153,6 @@ def starting_library(robot: Robot, lower: np.ndarray, upper: np.ndarray) -> np.n
     corners = np.where(pick, upper, lower)
     share = spread(LIBRARY - len(corners), n)
     return np.concatenate([corners, np.clip((1 - share) * lower + share * upper, lower, upper)])
-
-
-def library_features(known: KnownPoses, settings: np.ndarray, posture: Posture | None) -> np.ndarray:
-    """Features (LIBRARY / LANES, 13, LANES) of known poses, see `kernels.search.seeds`.
-
-    Their square counts the distance from a posture too, or from the middle. Slides that are placed by the target count
-    in neither.
-    """
-    features, turns = np.empty((LIBRARY // LANES, Feature.WIDTH, LANES)), known.turns
-    fill_library(settings, known.rows, features)
-    share = POSTURE_SHARE
-    if posture is None:
-        posture, share = Posture(weights=(~turns.everywhere).astype(float)).of(known.robot), MIDDLE_SHARE
-    distance = np.square(known.configurations - posture.q_ref) @ (posture.joint_weights * ~turns.long_slides)
-    distance = np.minimum(distance, distance.mean())  # nothing else is near a target in a corner of the limits
-    poses = features[:, : Feature.SQUARE]
-    spread = np.square(poses - poses.mean(axis=(0, 2), keepdims=True)).sum(axis=1).mean()
-    if distance.mean() > 0.0:
-        features[:, Feature.SQUARE] += (share * spread / distance.mean()) * distance.reshape(-1, LANES)
-    return features
 
 
 def _across_slides(robot: Robot, slides: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from maira_qp.robots.model.revolutions import TURN
 from maira_qp.solvers.paths.descents import PathArrays
 
 CELL, WIDER = 0.15, 1.3
@@ -103,9 +104,11 @@ def _merged(path: PathArrays, index: int, here: np.ndarray, found: np.ndarray, m
     here = path.problem.turns.in_window(np.concatenate([here, found]))
     at_limits = _at_limits(path, here, ON_LIMIT)
     kept = _thinned(here, at_limits != here, most)
+    here, at_limits = here[kept], at_limits[kept]
     if not path.problem.turns.everywhere.any():
-        return here[kept]
-    return path.problem.turns.in_window(path.exactly(np.full(len(kept), index), at_limits[kept]))
+        return here
+    exact = path.exactly(np.full(len(kept), index), at_limits)
+    return exact + TURN * np.round((here - at_limits) / TURN)
 
 
 def _held_up(path: PathArrays, q: np.ndarray) -> np.ndarray:
@@ -121,13 +124,14 @@ def _held_up(path: PathArrays, q: np.ndarray) -> np.ndarray:
 def _at_limits(path: PathArrays, q: np.ndarray, near: float) -> np.ndarray:
     """The configurations (M, n) with joints that are as near as that [rad] to a limit at the turn in which it limits.
 
-    Of joints with a turn or more.
+    Of joints with a turn or more, if they are not as near to one at the turn at which they are.
     """
     turns, robot, there = path.problem.turns, path.problem.robot, q.copy()
+    stays = (np.abs(q - robot.lower) < near) | (np.abs(robot.upper - q) < near)
     for limit, inward in ((robot.lower, 1.0), (robot.upper, -1.0)):
         limits = turns.everywhere & np.isfinite(limit)
         room = inward * turns.shortest(q - np.where(limits, limit, 0.0))
-        is_near = limits & (room >= -ON_LIMIT) & (room < near)
+        is_near = limits & ~stays & (room >= -ON_LIMIT) & (room < near)
         there = np.where(is_near, limit + inward * np.maximum(room, 0.0), there)
     return there
 
