@@ -38,8 +38,9 @@ examples: .venv/.ready ## run every example; pictures go to output/
 docs: .venv/.ready ## build the documentation site into site/, without a network; a warning is an error
 	NO_MKDOCS_2_WARNING=1 OMP_NUM_THREADS=1 $(BIN)/mkdocs build --quiet
 
-gallery: examples ## take the pictures of the examples into the documentation's gallery
+gallery: examples ## take the pictures of the examples into the documentation's gallery, and draw its figures
 	$(BIN)/python docs/builder/gallery.py
+	$(BIN)/python docs/builder/figures.py
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv

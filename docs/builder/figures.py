@@ -1,4 +1,4 @@
-"""The figures of the site, drawn while it is built: `python docs/builder/figures.py FOLDER` draws them alone.
+"""The figures of the site, drawn while it is built; `python docs/builder/figures.py` draws those of the repository.
 
 Most are about an arm of two links in the plane, whose configurations are a plane too. Its limits are narrow on purpose.
 """
@@ -6,7 +6,6 @@ Most are about an arm of two links in the plane, whose configurations are a plan
 from __future__ import annotations
 
 import io
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from house import house
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
+from PIL import Image
 
 import maira_qp as mq
 from maira_qp.apps import plots
@@ -28,7 +28,7 @@ BLUE, RED, GREEN, PINK, ORANGE = plots.COLORS[:5]
 
 def drawn() -> Iterator[tuple[str, bytes]]:
     """All figures as SVG, by their names."""
-    for draw in (pose_error, steps_in_a_box, two_levels, nearest_point, boxes, free_arcs, house):
+    for draw in FIGURES:
         file = io.BytesIO()
         draw().savefig(file, format="svg", metadata={"Date": None})
         yield draw.__name__, file.getvalue()
@@ -203,8 +203,18 @@ def box_qp(H: np.ndarray, c: np.ndarray, lower: np.ndarray, upper: np.ndarray) -
     return min(allowed, key=lambda x: 0.5 * x @ H @ x + c @ x)
 
 
-if __name__ == "__main__":
-    folder = Path(sys.argv[1])
+def renew(root: Path) -> None:
+    """Draw the figures as small pictures, for readers of the repository."""
+    folder = root / "docs" / "images" / "figures"
     folder.mkdir(parents=True, exist_ok=True)
-    for name, picture in drawn():
-        (folder / f"{name}.svg").write_bytes(picture)
+    for draw in FIGURES:
+        file = io.BytesIO()
+        draw().savefig(file, format="png", dpi=110)
+        with Image.open(file) as picture:
+            picture.convert("RGB").quantize(64).save(folder / f"{draw.__name__}.png", optimize=True)
+
+
+FIGURES = (pose_error, steps_in_a_box, two_levels, nearest_point, boxes, free_arcs, house)
+
+if __name__ == "__main__":
+    renew(Path(__file__).parents[2])

@@ -7,7 +7,9 @@ Comments in a page stand for text that the code has already:
     <!-- gallery -->                                    the examples with their pictures
     <!-- text benchmarks/peers.txt -->                  a text file of the repository, as it is
 
-Formulas become MathML, which browsers draw themselves. Figures are drawn by `figures.py`, in memory.
+Formulas become MathML, which browsers draw themselves. Figures are drawn by `figures.py`, in memory. Links of pages
+lead to files of the repository, so that they work where pages are read there; the site has pages and figures in place
+of these files.
 """
 
 from __future__ import annotations
@@ -26,6 +28,12 @@ ROOT = Path(__file__).parents[2]
 FETCHED = re.compile(
     r'<(script|img|iframe|link rel="(stylesheet|preconnect|icon)")[^>]* (src|href)="(https?:)?//[^>]*>'
 )
+LINKS = {
+    r"\]\(((?:\.\./)*)\.\./examples/(\w+)\.py": r"](\1examples/\2.md",
+    r"\]\(((?:\.\./)*)\.\./benchmarks/(\w+\.png)": r"](\1images/\2",
+    r"\]\(((?:\.\./)*)images/figures/(\w+)\.png": r"](\1figures/\2.svg",
+}
+"""Links as pages have them, which lead to files of the repository, and what they are on the site."""
 sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
 
 import figures  # noqa: E402
@@ -47,7 +55,8 @@ def on_files(files, config):
 
 
 def on_page_markdown(markdown, page, config, files):
-    """Put the code's own text where a comment stands for it."""
+    """Put the code's own text where a comment stands for it, and let links lead to what is made."""
+    markdown = with_links_of_site(markdown)
     return re.sub(r"<!-- (docstring|engines|gallery|text)\s?(\S*) -->", made, markdown)
 
 
@@ -63,6 +72,13 @@ def on_post_page(output, page, config):
     if fetched:
         raise PluginError(f"{page.file.src_uri} fetches from elsewhere: {fetched[0]}")
     return output
+
+
+def with_links_of_site(markdown: str) -> str:
+    """A page with links to what is made of files of the repository, in place of links to these files."""
+    for of_repository, of_site in LINKS.items():
+        markdown = re.sub(of_repository, of_site, markdown)
+    return markdown
 
 
 def made(match: re.Match) -> str:

@@ -88,3 +88,29 @@ def test_the_house_has_every_room_with_its_purpose():
     folders = {path.parent.name for path in (ROOT / "maira_qp").glob("*/__init__.py")}
     assert folders <= rooms
     assert all(house.purpose(room) for room in rooms)
+
+
+def test_links_of_pages_lead_to_files_of_the_repository():
+    """Where pages are read there, before a site is built."""
+    pages = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+    assert len(pages) > 40
+    for page in pages:
+        for link in re.findall(r"\]\(([^)\s#]+)[^)\s]*\)", page.read_text(encoding="utf-8")):
+            if "://" not in link and not link.startswith("mailto:"):
+                assert (page.parent / link).exists(), f"{page.relative_to(ROOT)} -> {link}"
+
+
+def test_such_links_become_those_of_the_site():
+    with_links_of_site = builder("hooks").with_links_of_site
+    assert with_links_of_site("[a](../../examples/07_dual_arm.py)") == "[a](../examples/07_dual_arm.md)"
+    assert with_links_of_site("[a](../examples/07_dual_arm.py)") == "[a](examples/07_dual_arm.md)"
+    assert with_links_of_site("![](../../benchmarks/peers.png)") == "![](../images/peers.png)"
+    assert with_links_of_site("![a](../images/figures/boxes.png)") == "![a](../figures/boxes.svg)"
+    for kept in ("[a](paths.md#time-a-path)", "![](../images/viewer.png)", "`../../examples/07_dual_arm.py`"):
+        assert with_links_of_site(kept) == kept
+
+
+def test_each_figure_of_the_site_is_in_the_repository():
+    pytest.importorskip("matplotlib")
+    kept = {path.stem for path in (ROOT / "docs" / "images" / "figures").glob("*.png")}
+    assert {draw.__name__ for draw in builder("figures").FIGURES} == kept

@@ -1,0 +1,46 @@
+"""What a release says of itself: one version, the interpreters that it runs on, links that exist."""
+
+import ast
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+import maira_qp
+
+ROOT = Path(__file__).parents[2]
+tomllib = pytest.importorskip("tomllib" if sys.version_info >= (3, 11) else "tomli")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def test_the_version_stands_in_one_place():
+    assert PROJECT["dynamic"] == ["version"]
+    (cited,) = re.findall(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    assert cited == maira_qp.__version__
+    assert re.fullmatch(r"\d+\.\d+\.\d+((a|b|rc|\.dev)\d+)?", maira_qp.__version__)
+
+
+def test_classifiers_name_the_interpreters_that_are_supported():
+    least, most = map(int, re.findall(r"3\.(\d+)", PROJECT["requires-python"]))
+    named = [re.fullmatch(r"Programming Language :: Python :: 3\.(\d+)", each) for each in PROJECT["classifiers"]]
+    assert [int(each[1]) for each in named if each] == list(range(least, most))
+
+
+def test_the_command_and_all_that_it_needs_is_installed_with_the_package():
+    """Each module that is imported without an extra is of the standard library or of a dependency."""
+    needed = {re.split(r"[><=\[; ]", each)[0].lower().replace("-", "_") for each in PROJECT["dependencies"]}
+    provided = {"pin": {"pinocchio", "coal"}, "pyyaml": {"yaml"}}
+    modules = set().union(*(provided.get(name, {name}) for name in needed)) | {"maira_qp"}
+    for path in (ROOT / "maira_qp").rglob("*.py"):
+        if path.relative_to(ROOT / "maira_qp").parts[:2] in {("apps", "plots"), ("apps", "viewer")}:
+            continue  # imported only where their extra is known to be installed
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:  # the top of a module alone
+            names = [each.name for each in node.names] if isinstance(node, ast.Import) else []
+            for name in [*names, *([str(node.module)] if isinstance(node, ast.ImportFrom) else [])]:
+                first = name.partition(".")[0]
+                assert first in sys.stdlib_module_names | modules, f"{path}: {name}"
+
+
+def test_no_link_of_the_project_leads_to_a_host_that_may_not_exist():
+    assert not PROJECT.get("urls")
