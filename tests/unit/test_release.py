@@ -30,7 +30,7 @@ def test_classifiers_name_the_interpreters_that_are_supported():
 def test_the_command_and_all_that_it_needs_is_installed_with_the_package():
     """Each module that is imported without an extra is of the standard library or of a dependency."""
     needed = {re.split(r"[><=\[; ]", each)[0].lower().replace("-", "_") for each in PROJECT["dependencies"]}
-    provided = {"pin": {"pinocchio", "coal"}, "pyyaml": {"yaml"}}
+    provided = {"pin": {"pinocchio", "coal"}, "pyyaml": {"yaml"}, "numba": {"numba", "llvmlite"}}
     modules = set().union(*(provided.get(name, {name}) for name in needed)) | {"maira_qp"}
     for path in (ROOT / "maira_qp").rglob("*.py"):
         if path.relative_to(ROOT / "maira_qp").parts[:2] in {("apps", "plots"), ("apps", "viewer")}:
