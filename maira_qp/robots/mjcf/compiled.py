@@ -1,9 +1,9 @@
 """An MJCF file or text as MuJoCo compiles it: defaults, includes, angles and frames are resolved by MuJoCo itself.
 
-What kinematics does not need is taken out before: textures, skins, soft bodies and sensors are deleted, and each geom
-with a mesh or a height field becomes a small sphere in its place, so that no such file is opened and none that is
-missing refuses the model. The file of a mesh is kept by its name. The format: https://mujoco.readthedocs.io, "XML
-Reference".
+What kinematics does not need is taken out before: textures, skins, sensors, and soft bodies with their equalities are
+deleted, and each geom with a mesh or a height field becomes a small sphere in its place, so that no such file is opened
+and none that is missing refuses the model. The file of a mesh is kept by its name. The format:
+https://mujoco.readthedocs.io, "XML Reference".
 """
 
 from __future__ import annotations
@@ -108,7 +108,10 @@ def _strip(mujoco: Any, spec: Any) -> tuple[dict[int, MeshFile | None], list[np.
     for part in (*spec.sites, *spec.tendons):
         part.material = ""
     dead = (spec.sensors, spec.skins, spec.flexes, spec.pairs, spec.meshes, spec.hfields, spec.materials, spec.textures)
-    for part in [part for parts in dead for part in parts]:
+    kinds = mujoco.mjtEq
+    known = (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD, kinds.mjEQ_JOINT, kinds.mjEQ_TENDON)  # others are of soft bodies
+    soft = [equality for equality in spec.equalities if equality.type not in known]
+    for part in [*soft, *(part for parts in dead for part in parts)]:
         spec.delete(part)
     compiler = spec.compiler
     compiler.fusestatic = compiler.discardvisual = compiler.usethread = False

@@ -132,6 +132,8 @@ def _equation(model: Any, index: int, of_tendons: bool, name: str) -> _Equation 
     if any(row is None for row in rows):
         return None
     argument = rows[1] if len(rows) > 1 else np.zeros(model.njnt)
+    if not np.isfinite(model.eq_data[index, :5]).all():
+        raise RobotError(f"{name} has coefficients that are not finite")
     return _Equation(name, rows[0], np.array(model.eq_data[index, :5]), argument)  # type: ignore[arg-type]
 
 
@@ -222,12 +224,17 @@ def _one(model: Any, joint: int) -> np.ndarray:
 
 
 def _length(model: Any, tendon: int) -> np.ndarray | None:
-    """How the length of a fixed tendon changes with its joints (njnt,); None for one that runs through space."""
+    """How the length of a fixed tendon changes with its joints (njnt,); None for one that runs through space.
+
+    Raises `RobotError` for numbers that are not finite.
+    """
     row = np.zeros(model.njnt)
     for k in _wraps(model, tendon):
         if int(model.wrap_type[k]) != package().mjtWrap.mjWRAP_JOINT:
             return None
         row[model.wrap_objid[k]] += model.wrap_prm[k]
+    if not np.isfinite(row).all():
+        raise RobotError(f"tendon {model.tendon(tendon).name!r} has coefficients that are not finite")
     return row
 
 

@@ -312,3 +312,40 @@ def test_ranges_of_tendons_are_not_angles():
     assert (robot.lower[2], robot.upper[2]) == pytest.approx((-0.3, 0.05))
     free = mq.Robot.from_mjcf(text, tip="bz", limits={"z": (-0.2, 0.02)})
     assert (free.lower[2], free.upper[2]) == pytest.approx((-0.2, 0.02))
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (
+            '<equality><joint joint1="x" joint2="y" polycoef="inf 1"/></equality>',
+            "equality 'number 0' has coefficients",
+        ),
+        (
+            '<tendon><fixed name="t" range="0 1"><joint joint="x" coef="inf"/></fixed></tendon>',
+            "tendon 't' has coefficients that are not finite",
+        ),
+        (
+            '<equality><joint joint1="z" joint2="y" polycoef="5 1"/></equality>',
+            "'z' mimics 'y' .* but no position is within the limits of both",
+        ),
+    ],
+)
+def test_numbers_that_make_no_sense_are_refused(more, message):
+    with pytest.raises(RobotError, match=message):
+        mq.Robot.from_mjcf(arm(more), tip="bz")
+
+
+def test_tendons_that_leave_a_joint_no_room_are_said(caplog):
+    alone = '<tendon><fixed name="t" range="5 6"><joint joint="x" coef="1"/></fixed></tendon>'
+    assert mq.Robot.from_mjcf(arm(alone), tip="bz").upper.tolist() == [1, 1, 1]
+    assert "'t' leaves the joint that it depends on no room, and its range is not kept (x)" in caplog.text
+
+
+def test_soft_bodies_and_their_equalities_do_not_matter():
+    cloth = (
+        '<flexcomp name="f" type="grid" count="3 3 1" spacing=".1 .1 .1" dim="2"><edge equality="true"/></flexcomp>'
+        "</body></body></body>"
+    )
+    text = arm("").replace("</body></body></body>", cloth)
+    assert mq.Robot.from_mjcf(text, tip="bz").joint_names == ("x", "y", "z")
