@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 STRAIGHT = 0.99
 """Cosine of the angle between the arm and the way to the target, from which on both are in line."""
 
+FEW_STARTS = 4
+"""Further starts from which the position alone is looked for, where limits beside those of the joints hold."""
+
 OTHERS_COUNT = 1e-3
 """What the motion of joints whose limits hold counts against that of a released one, as it goes no further than it
 must."""
@@ -263,14 +266,17 @@ class _Question:
         task, robot = self.problem.tasks[0], self.context.robot
         if len(self.problem.tasks) > 1 or not isinstance(task, PoseTask) or not task.kept.all():
             return None, False
-        target = task.toward(self.poses).target
+        target, options = task.toward(self.poses).target, self.context.options
+        if self.context.further:  # each start takes milliseconds
+            options = replace(options, max_restarts=min(options.max_restarts, FEW_STARTS))
         problem = Problem.build(
             robot,
-            task=PositionTask(frame=task.frame, target=target, offset=task.offset),
+            task=PositionTask(frame=task.frame, offset=task.offset),
             limits=self.context.further,
-            options=self.context.options,
+            options=replace(options, deadline=None),
         )
-        found = self.resolve(problem, {key: self.poses[key] for key in problem.target_keys}, self.q)
+        (key,) = {task.key for task in problem.tasks}
+        found = self.resolve(problem, {**self.poses, key: target}, self.q)
         if found.success:
             return 0.0, False
         straight = _is_straight(robot.at(found.q), task, target.translation, robot.moved_links)
