@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from maira_qp.kernels.paths.corridor import link_beside
 from maira_qp.solvers.paths.descents import PathArrays
 from maira_qp.solvers.paths.evenness import EVEN, LOW, evened
 
@@ -93,15 +94,7 @@ def _best_within(path: PathArrays, q: np.ndarray, width: float, fixed: tuple[boo
     for end, is_fixed in zip((0, -1), fixed, strict=True):
         if is_fixed:
             is_node[end] = np.arange(wide) == BESIDE
-    steps = (np.abs(nodes[1:, None] - nodes[:-1, :, None]) / path.windows[:, None, None]).max(axis=3) / largest
-    costs = steps**2 + LARGEST_STEPS * steps**8
-    cost, back = np.where(is_node[0], 0.0, np.inf), np.zeros((count, wide), dtype=np.int64)
-    for k in range(count - 1):
-        total = cost[:, None] + costs[k]
-        back[k + 1] = total.argmin(axis=0)
-        cost = np.where(is_node[k + 1], total[back[k + 1], np.arange(wide)], np.inf)
-    line = [int(cost.argmin())]
-    for chosen in back[:0:-1]:
-        line.append(int(chosen[line[-1]]))
-    better = nodes[np.arange(count), line[::-1]]
+    line, back = np.empty(count, dtype=np.int64), np.empty((count, wide), dtype=np.int64)
+    link_beside(nodes, is_node, path.windows, largest, LARGEST_STEPS, np.empty((2, wide)), back, line)
+    better = nodes[np.arange(count), line]
     return better if path.largest_steps(better).max() < largest else q
