@@ -13,6 +13,7 @@ from PIL import Image
 import maira_qp as mq
 from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.apps.viewer.drawing.surroundings import MARGIN
+from maira_qp.apps.viewer.session import RESTS
 from maira_qp.apps.viewer.start import bent_configuration
 from maira_qp.orientation import matrix_from_quaternion
 from maira_qp.robots.urdf.writer import urdf_text
@@ -142,6 +143,17 @@ class Tab:
                 return
         raise AssertionError("the target cannot be dragged")
 
+    def click_at(self, points: list[np.ndarray], is_heard: Callable[[], bool]) -> None:
+        """One after the other of places (3,) in the scene, until a click is heard: others are hidden."""
+        for point in points:
+            self.page.mouse.move(*self.on_screen(point))
+            self.see(4)
+            self.page.mouse.click(*self.on_screen(point))
+            self.page.wait_for_timeout(500)
+            if is_heard():
+                return
+        raise AssertionError("it cannot be clicked")
+
     def picture(self) -> np.ndarray:
         """The scene as it is seen (height, width, 3), without the panel beside it."""
         content = self.page.screenshot(clip=self.scene, timeout=1000 * PATIENCE)
@@ -152,7 +164,7 @@ class Tab:
 def context() -> Iterator:
     with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        context = browser.new_context(viewport=SIZE)
+        context = browser.new_context(viewport=SIZE, permissions=["clipboard-read", "clipboard-write"])
         yield context
         context.close()
         browser.close()
@@ -226,6 +238,59 @@ def test_a_target_out_of_reach_is_told_and_comes_back(tab, viewer):
     viewer.session("target", lambda session: session.move_target(home))
     tab.page.get_by_text("REACHED").wait_for(timeout=1000 * PATIENCE)
     tab.wait(lambda: np.abs(mq.pose_error(session.robot.forward(session.q), session.target)).max() < 1e-6)
+
+
+def test_a_target_is_typed_its_pose_and_q_are_copied_and_it_is_undone(tab, viewer):
+    tab.open("Target")
+    tab.go_home()
+    session = viewer.current
+    home, copied = session.target, lambda: tab.page.evaluate("navigator.clipboard.readText()")
+    tab.wait(lambda: session.arm.still > RESTS)
+    tab.write(0, "900, -600.5, 700")
+    tab.wait(lambda: np.abs(session.target.translation - [0.9, -0.6005, 0.7]).max() < 1e-12)
+    np.testing.assert_array_equal(session.target.rotation, home.rotation)
+    tab.page.get_by_text("REACHED").wait_for(timeout=1000 * PATIENCE)
+    tab.write(1, "180, 0, 90")
+    tab.wait(lambda: np.abs(session.target.rotation - mq.pose(rpy=[np.pi, 0, np.pi / 2]).rotation).max() < 1e-9)
+    tab.write(2, "none")
+    tab.page.get_by_text("w, x, y, z: 4 numbers, such as 1, 2, 3, 4").first.wait_for(timeout=1000 * PATIENCE)
+    tab.click("Copy in Python")
+    tab.wait(lambda: copied().startswith("mq.pose(["))
+    pose = eval(copied(), {"mq": mq})
+    assert np.abs(mq.pose_error(pose, session.robot.forward(session.q))).max() < 1e-3
+    tab.page.mouse.click(20, 400)
+    tab.page.keyboard.press("o")
+    tab.wait(lambda: np.abs(session.target.translation - [0.9, -0.6005, 0.69]).max() < 1e-9)  # along z of the tool
+    tab.click("Home")
+    tab.wait(lambda: np.abs(session.target.homogeneous - home.homogeneous).max() < 1e-12 and session.arm.still > RESTS)
+    tab.click("Undo")
+    tab.wait(lambda: np.abs(session.target.homogeneous - home.homogeneous).max() > 0.01)
+    tab.go_home()
+    tab.open("Joints")
+    tab.click("Copy q as a Python list [rad, m]")
+    tab.wait(lambda: copied().startswith("[") and np.abs(np.array(eval(copied())) - session.q).max() < 1e-8)
+
+
+def test_on_a_phone_the_panel_is_below_the_arm(context, viewer):
+    """The arm is seen in the upper half; the panel, over the lower one, is as wide as the page."""
+    page = context.new_page()
+    page.set_viewport_size({"width": 390, "height": 844})
+    before = set(viewer.server.get_clients())
+    page.goto(viewer.url)
+    page.get_by_text("condition number").wait_for(timeout=1000 * PATIENCE)
+    sheet = page.locator(".mantine-Paper-root", has_text="condition number").first.bounding_box()
+    assert (sheet["x"], sheet["width"]) == (0, 390)
+    assert sheet["y"] > 400
+    (new,) = set(viewer.server.get_clients()) - before
+    camera, session = viewer.server.get_clients()[new].camera, viewer.current
+    for link in ("base_link", "link4", "tool0"):
+        x, y, z = matrix_from_quaternion(camera.wxyz).T @ (
+            session.robot.forward(session.q, link).translation - camera.position
+        )
+        focal = 422 / np.tan(0.5 * camera.fov)
+        assert abs(focal * x / z) < 195
+        assert -422 < focal * y / z < sheet["y"] - 422
+    page.close()
 
 
 def test_the_switch_and_the_weight_act(tab, viewer):
@@ -307,6 +372,14 @@ def test_all_solutions_are_shown_and_visited(tab, viewer):
     q = session.q
     tab.click("Go to the next solution")
     tab.wait(lambda: np.abs(session.q - q).max() > 0.3)
+    tab.wait(lambda: session.arm.motion is None)
+    ghosts = session.tick(0.0).ghosts
+    worst = ghosts.q[-1]
+    tab.page.get_by_label("Go to", exact=True).click()
+    tab.page.get_by_role("option", name=ghosts.names[-1]).click()
+    tab.wait(lambda: np.abs(session.q - worst).max() < 1e-9)
+    elbows = [session.robot.forward(q, "link4").translation for q in ghosts.q[:-1]]
+    tab.click_at(elbows, lambda: np.abs(session.q - worst).max() > 0.1)
     tab.page.get_by_label("Show all solutions").click()
     tab.wait(lambda: not session.shows_ghosts)
 

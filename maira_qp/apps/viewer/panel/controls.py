@@ -15,7 +15,7 @@ from maira_qp.apps.viewer.session import Session
 from maira_qp.errors import OptionError
 
 UNTOUCHED = 0.4
-"""A slider that a person moved is left alone for so long [s]: what is shown is older than what was asked for."""
+"""A control that a person used is left alone for so long [s]: what is shown is older than what was asked for."""
 
 
 class Ask(Protocol):

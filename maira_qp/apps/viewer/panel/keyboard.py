@@ -20,11 +20,15 @@ KEYS_OF_SLIDERS = """
     document.body.addEventListener('keydown', event => {
       if (event.key.startsWith('Arrow') && event.target.closest('[role=slider], [role=tab]')) event.stopPropagation();
     });
+    document.body.addEventListener('pointerdown', event => {
+      if (event.target.tagName === 'CANVAS') document.activeElement.blur();
+    }, true);
   }
 ">
 """
-"""Arrow keys that move a slider do not turn the camera too, which listens at the document. A page of viser takes no
-scripts of its server in another way."""
+"""Arrow keys that move a slider do not turn the camera too, which listens at the document; and a click into the scene
+leaves the field that was typed into, which has the keys. A page of viser takes no scripts of its server in another
+way."""
 
 
 class Keyboard:

@@ -82,18 +82,27 @@ class ObstaclesTab:
     def _add(self, kind: str) -> None:
         self._count += 1
         angle = 2.4 * self._count  # golden: no two in the same place
-        place = pin.SE3(np.eye(3), 0.45 * self._length * np.array([np.cos(angle), np.sin(angle), 0.9]))
-        shape = solid(kind, 0.12 * self._length, place, f"{kind.lower()} {self._count}")
+        where = 0.45 * self._length * np.array([np.cos(angle), np.sin(angle), 0.9])
+        size = max(round(0.12 * self._length, 2), 0.01)
+        shape = solid(kind, size, pin.SE3(np.eye(3), where.round(2)), f"{kind.lower()} {self._count}")
         self._ask.session(f"add {self._count}", lambda session: session.put_obstacle(shape))
 
     def _change(self, event: viser.GuiEvent) -> None:
         """Sizes and pose as they were typed."""
-        shape = self._obstacles.get(self._which.value)
+        name = self._which.value
         with self._ask.failures(event.client):
-            if shape is None:
+            if name not in self._obstacles:
                 return
-            if self._size.is_typed:
-                shape = resized(shape, self._size.text)
-            changed = replace(shape, pose=as_pose(self._pose.typed()))  # type: ignore[type-var]
+            size, typed = self._size.text, self._pose.typed()
+            if size is not None:
+                resized(self._obstacles[name], size)  # is it a size?
             self._size.forget()
-            self._ask.session(shape.name, lambda session: session.put_obstacle(changed))
+
+            def change(session: Session) -> None:
+                shape = session.workplace.obstacles.get(name)
+                if shape is None:
+                    return  # it was taken away
+                shape = shape if size is None else resized(shape, size)
+                session.put_obstacle(replace(shape, pose=as_pose(typed.of(shape.pose))))  # type: ignore[type-var]
+
+            self._ask.session(f"change {name}", change)

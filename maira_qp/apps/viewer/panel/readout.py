@@ -8,7 +8,7 @@ import numpy as np
 
 from maira_qp.apps.viewer.answers import Verdict
 from maira_qp.apps.viewer.drawing.ghosts import ghost_colour
-from maira_qp.apps.viewer.drawing.surroundings import MARGIN, Clearance
+from maira_qp.apps.viewer.drawing.surroundings import MARGIN, Clearance, Overlap
 from maira_qp.apps.viewer.motion.elbow import Elbow
 from maira_qp.apps.viewer.motion.recording import Recording
 from maira_qp.apps.viewer.paths import words
@@ -41,11 +41,13 @@ def readout(view: View) -> str:
         ("orientation error", angle(view.orientation_error)),
         ("condition number", _condition(view.condition_number)),
         ("joints at a limit", _listed(view.at_limit)),
-        ("self-collision", _listed([f"{one.first} - {one.second}, {length(one.depth)} deep" for one in view.overlaps])),
+        ("self-collision", _listed([_overlap(one) for one in view.overlaps[:1]]) + _more(len(view.overlaps) - 1)),
         ("computed in", _times(view)),
     ]
     cells = "".join(
-        f'<tr><td style="color:{QUIET};padding-right:1em">{name}</td><td>{cell}</td></tr>' for name, cell in rows
+        f'<tr style="vertical-align:top"><td style="color:{QUIET};padding-right:1em;white-space:nowrap">{name}</td>'
+        f"<td>{cell}</td></tr>"
+        for name, cell in rows
     )
     table = f'<table style="font-size:0.8em;line-height:1.5;font-variant-numeric:tabular-nums">{cells}</table>'
     return f'<div style="padding:0 0.75em 0.75em">{_headline(view)}{table}</div>'
@@ -150,9 +152,10 @@ def _headline(view: View) -> str:
             BAD if status in (Status.UNREACHABLE, Status.LIMITS_BROKEN) else POOR,
         )
         full = "" if verdict.reason is None else escape(str(verdict.reason))
+    colour = BAD if view.overlaps else colour
     badge = f'<b style="color:{colour}">{name}</b>'
     words = f'<small style="overflow-wrap:anywhere" title="{full}">{escape(sentence(view))}</small>'
-    return f'<p style="margin:0 0 0.4em;line-height:1.3">{badge}<br/>{words}</p>'
+    return f'<p style="margin:0 0 0.4em;line-height:1.3;min-height:3.9em">{badge}<br/>{words}</p>'
 
 
 def sentence(view: View) -> str:
@@ -164,6 +167,9 @@ def sentence(view: View) -> str:
         return "; ".join(filter(None, [f"{near}, where {1e3 * MARGIN:.0f} mm are to be kept", pose]))
     if pose:
         return pose
+    if standing is Standing.REACHED and view.overlaps:
+        one = view.overlaps[0]
+        return f"the tool is at the target, but {one.first} and {one.second} are in each other"
     if standing is Standing.REACHED:
         return "the tool is at the target within its tolerances"
     if standing is Standing.HELD_UP:
@@ -199,6 +205,14 @@ def _listed(names: list[str]) -> str:
     if not names:
         return "none"
     return f'<span style="color:{BAD}">{escape(", ".join(names))}</span>'
+
+
+def _overlap(one: Overlap) -> str:
+    return f"{one.first} and {one.second}, {length(one.depth)} deep"
+
+
+def _more(count: int) -> str:
+    return f", and {count} more" if count > 0 else ""
 
 
 def _condition(number: float) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pinocchio as pin
 import viser
 
@@ -42,8 +44,8 @@ class TargetTab:
         @form.on_submit
         def _(event: viser.GuiEvent) -> None:
             with ask.failures(event.client):
-                T = self._fields.typed()
-                ask.session("target", lambda session: session.move_target(T))
+                typed = self._fields.typed()
+                self._do(lambda session: session.move_target(typed.of(session.target)))
 
         @self._tip.on_update
         def _(_: viser.GuiEvent) -> None:
@@ -52,9 +54,7 @@ class TargetTab:
 
         @self._steps.on_click
         def _(event: viser.GuiEvent) -> None:
-            step = {HOME: Session.go_home, UNDO: Session.undo, REDO: Session.redo}[event.target.value]
-            self._clicks += 1
-            ask.session(f"step {self._clicks}", step)
+            self._do({HOME: Session.go_home, UNDO: Session.undo, REDO: Session.redo}[event.target.value])
 
         @stop.on_click
         def _(_: viser.GuiEvent) -> None:
@@ -64,6 +64,11 @@ class TargetTab:
         def _(_: viser.GuiEvent) -> None:
             has_base_axes = axes.value == BASE_AXES
             ask.session("axes", lambda session: session.use_axes(has_base_axes))
+
+    def _do(self, action: Callable[[Session], None]) -> None:
+        """Each click counts, however many come between two ticks."""
+        self._clicks += 1
+        self._ask.session(f"target {self._clicks}", action)
 
     def show(self, view: View) -> None:
         """The target, and where the tool is."""
