@@ -126,7 +126,9 @@ def _at_limits(path: PathArrays, q: np.ndarray, near: float) -> np.ndarray:
 
     Of joints with a turn or more, if they are not as near to one at the turn at which they are.
     """
-    turns, robot, there = path.problem.turns, path.problem.robot, q.copy()
+    turns, robot, there = path.problem.turns, path.problem.robot, q
+    if not turns.everywhere.any():
+        return q
     stays = (np.abs(q - robot.lower) < near) | (np.abs(robot.upper - q) < near)
     for limit, inward in ((robot.lower, 1.0), (robot.upper, -1.0)):
         limits = turns.everywhere & np.isfinite(limit)

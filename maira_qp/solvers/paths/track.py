@@ -9,7 +9,7 @@ finer; where the knots were too coarse, every pose is one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -30,11 +30,11 @@ from maira_qp.solvers.paths.layers import Density, layer_indices, layers_of
 from maira_qp.solvers.paths.line import Edge, Line, best_line
 from maira_qp.solvers.paths.meter import Meter, Progress
 
-DENSITY = Density(spacing=0.3, most=150, fresh=16)
+COARSE = Density(spacing=0.3, most=150, fresh=16)
+DENSITIES = COARSE, COARSE.finer(), COARSE.finer().finer()
+"""Of the layers that are made, one after the other; of those of a path whose knots were not followed the last."""
 KNOTS = 0.03
 """What the pose moves between two knots, at most [rad]"""
-ROUNDS = 3
-"""How often layers are made, each time finer."""
 REPAIRS = 6
 """How often a line is sought in the same layers, without the links that turned out to jump."""
 WIDEST = 0.6
@@ -88,11 +88,11 @@ def _track(
         if solution.success.all() and not solution.failures:
             return solution
     q, reached = _alone(following, targets, first, np.arange(count), seed, meter.stage(KNOTS_DONE, ALONE_DONE))
-    parts_done = meter.stage(ALONE_DONE, PARTS_DONE)
+    parts_done, densities = meter.stage(ALONE_DONE, PARTS_DONE), DENSITIES if by_knots is None else DENSITIES[-1:]
     for begin, end in runs(reached):
         parts_done(begin, count)
         part, is_start_given = path.some(slice(begin, end)), begin == 0 and first is not None
-        q[begin:end] = follow(part, q[begin:end], is_start_given, rules.loop and end - begin == count, rng)
+        q[begin:end] = follow(part, q[begin:end], is_start_given, rules.loop and end - begin == count, rng, densities)
     others = _nearest(following, path, targets, q, start, meter.stage(PARTS_DONE, 1.0))
     if rules.loop and count:
         _close(path, q)
@@ -203,7 +203,12 @@ def _judged(
 
 
 def follow(
-    path: PathArrays, known: np.ndarray, is_start_given: bool, is_loop: bool, rng: np.random.Generator
+    path: PathArrays,
+    known: np.ndarray,
+    is_start_given: bool,
+    is_loop: bool,
+    rng: np.random.Generator,
+    densities: Sequence[Density] = DENSITIES,
 ) -> np.ndarray:
     """Configurations (N, n) along a path, with as few steps beyond the window as were found.
 
@@ -213,16 +218,17 @@ def follow(
         is_start_given: the first of them is that of the path.
         is_loop: the last is to be the first again.
         rng: of the configurations that are drawn.
+        densities: of the layers, tried one after the other.
     """
     if len(path) < 2:
         return known
     nodes, fixed = [each[None] for each in known], (is_start_given or is_loop, is_loop)
-    density, best, least = DENSITY, None, np.inf
+    best, least = None, np.inf
     if is_start_given:
         for k, q in enumerate(_continued(path, known[0])):
             nodes[k + 1] = np.concatenate([q[None], nodes[k + 1]])
     at, layers = np.arange(0), list[np.ndarray]()
-    for _ in range(ROUNDS):
+    for density in densities:
         at = layer_indices(path, density.spacing)
         layers = layers_of(path, at, nodes, is_start_given, density, rng)
         for times in WIDER:
@@ -237,7 +243,6 @@ def follow(
                 break
         if best is not None and least <= min(1.0, CALM * path.largest_steps(best).mean()):
             return best
-        density = density.finer()
     if best is not None and least <= 1.0:
         return best
     broken_up = _with_reconfigurations(path, known, at, layers, is_start_given)
