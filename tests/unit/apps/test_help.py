@@ -50,7 +50,8 @@ def test_flags_are_explained_in_one_piece(page):
         lines = page(*command, "-h")[1]
         cells = [line[2:-2].rstrip() for line in lines if line.startswith("│ ")]
         for line, below in itertools.pairwise(cells):
-            is_text = below.startswith(" " * 12) and not line.startswith("---")
+            is_flag_alone = line.startswith("-") and "  " not in line
+            is_text = below.startswith(" " * 12) and not is_flag_alone
             if is_text and not line.endswith((".", ")")):
                 assert len(line) + 1 + len(below.split()[0]) > 76, (command, line, below)
 
