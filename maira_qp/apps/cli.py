@@ -14,7 +14,7 @@ import tyro
 
 import maira_qp
 from maira_qp.apps.arguments.naming import in_flags
-from maira_qp.apps.arguments.optional import command
+from maira_qp.apps.arguments.optional import command, explain_flags
 from maira_qp.apps.commands.bench import Bench
 from maira_qp.apps.commands.cache import Cache
 from maira_qp.apps.commands.compare import Compare
@@ -143,6 +143,8 @@ def parse(arguments: list[str]) -> Any:
         _check_word(arguments[1:2], "picture", Pictures)
     if arguments[:1] == ["job"]:
         _check_word(arguments[1:2], "action", JobActions)
+    if HELP & set(arguments):
+        explain_flags()
     told = io.StringIO()
     try:
         with contextlib.redirect_stderr(told):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import sys
 import textwrap
 from dataclasses import fields
 from shutil import get_terminal_size
@@ -25,14 +24,25 @@ WIDEST = 100
 """Columns of text at most, however wide the terminal is."""
 
 
+_to_be_explained: list[type] = []
+
+
 def explained(kind: Kind) -> Kind:
-    """The data class, whose flags have the docstrings of its fields as their help, without the line breaks in them."""
-    told = docs_of_fields(kind)
-    names = {**vars(sys.modules[kind.__module__])}
-    hints = get_type_hints(kind, names, include_extras=True)
-    for name in [one.name for one in fields(kind) if one.name in told]:
-        kind.__annotations__[name] = Annotated[hints[name], tyro.conf.arg(help=" ".join(told[name].split()))]
+    """A data class whose flags `explain_flags` is to explain."""
+    _to_be_explained.append(kind)
     return kind
+
+
+def explain_flags() -> None:
+    """Give flags the docstrings of their fields as their help, without the line breaks in them.
+
+    Sources are read for it, which takes a tenth of a second: only where help is asked for.
+    """
+    while _to_be_explained:
+        kind = _to_be_explained.pop()
+        told, hints = docs_of_fields(kind), get_type_hints(kind, include_extras=True)
+        for name in [one.name for one in fields(kind) if one.name in told]:
+            kind.__annotations__[name] = Annotated[hints[name], tyro.conf.arg(help=" ".join(told[name].split()))]
 
 
 def summary(kind: type) -> str:
