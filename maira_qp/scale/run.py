@@ -73,7 +73,7 @@ def run(
     threads: int = 1,
     part: tuple[int, int] | None = None,
     shard: int | None = None,
-    time_limit: float = 600.0,
+    time_limit: float | None = None,
     progress: Progress | None = None,
 ) -> JobState:
     """Do what is left of a job in its folder, and write its output there.
@@ -88,7 +88,8 @@ def run(
         part: (i, n), i from 1 to n: do the i-th of n parts of the items, and write no output. For arrays of tasks
             which know nothing of each other, on any machines; a run without `part` finishes when they are over.
         shard: items a shard; None: as many as take some 20 s. No result depends on it.
-        time_limit: seconds after which a worker of "processes" that still does its shard is ended.
+        time_limit: seconds after which a worker of "processes" that still does its shard is ended; None: 600. Other
+            engines take none.
         progress: callback, called from this thread with how many units are done, see `Job.unit`, and their total.
 
     Raises `JobError` for a folder that is in use, or holds another job, other things, or the job of other versions, and

@@ -37,15 +37,16 @@ def write(folder: Path, k: int, columns: Mapping[str, np.ndarray]) -> None:
         write_parquet(file, ColumnTable(columns), {})
 
 
-def end(folder: Path, rows: int, block: int, seed: int, about: Mapping[str, Any]) -> None:
-    """Write what tells of all files, from the first of them. Raises `OSError`."""
+def end(folder: Path, count: int, seed: int, about: Mapping[str, Any]) -> None:
+    """Write what tells of all `count` files. Raises `OSError`."""
     from pyarrow import parquet
 
-    schema = parquet.read_schema(folder / DATA_PATH.format(chunk_index=0, file_index=0))
+    paths = [folder / DATA_PATH.format(chunk_index=k // FILES, file_index=k % FILES) for k in range(count)]
+    schema = parquet.read_schema(paths[0])
     info = {
         "codebase_version": "v3.0",
-        "total_frames": rows,
-        "total_files": -(-rows // block),
+        "total_frames": sum(parquet.read_metadata(path).num_rows for path in paths),
+        "total_files": count,
         "chunks_size": FILES,
         "data_files_size_in_mb": MEGABYTES,
         "data_path": DATA_PATH,

@@ -1,12 +1,13 @@
-"""The job of a data set: random poses, and the configuration and verdict of a solve for each.
+"""The job of a data set: poses, and the configurations and verdict of a solve for each.
 
 Poses are uniform over the workspace, a ball that holds all that can be reached, and over all rotations: then those that
 are out of reach are there too, with their proofs as labels. Or they are those of configurations that are uniform within
-the limits. Rows come in groups, each with a random stream of its own, so that a row depends on the seed and its index.
+the limits, or along paths, or of a file.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -21,15 +22,17 @@ from maira_qp.problem.objectives import Posture
 from maira_qp.problem.options import Options
 from maira_qp.problem.redundancy import Strict
 from maira_qp.results.status import Status
-from maira_qp.robots.model.robot import Robot, drawn
+from maira_qp.robots.model.robot import Robot
+from maira_qp.scale.dataset import poses as sources
+from maira_qp.scale.dataset.solutions import FIGURES, all_solutions
 from maira_qp.scale.job import Job
 from maira_qp.scale.reach.bound import reach_bound
 from maira_qp.scale.reach.metrics import limit_distances, manipulabilities
 from maira_qp.solvers.solver import Solver
 
-POSES, LABELS = ("workspace", "configurations"), ("any", "posture")
-GROUP = 1024
-"""Rows with one random stream."""
+LABELS = ("any", "posture", "all")
+MOST_SOLUTIONS = 64
+"""Rows of one pose with the label "all": of more solutions the best."""
 LARGEST = 95_000_000
 """A file of the data set, before it is packed [bytes]."""
 MOST_ROWS = 2**40
@@ -46,9 +49,11 @@ class DatasetJob(Job):
     joint_names: tuple[str, ...]
     rows: int
     poses: str
-    """"workspace" or "configurations\""""
+    """"workspace", "configurations", "paths" or "file\""""
+    file: Mapping[str, Any] | None
+    """Of a file its `path`, `sha256` and `rows`"""
     labels: str
-    """"any" configuration that reaches, or the one nearest to mid-range, "posture\""""
+    """"any" configuration that reaches, the one nearest to mid-range, "posture", or "all\""""
     centre: tuple[float, float, float]
     """[m] of the ball of the workspace"""
     radius: float
@@ -67,8 +72,8 @@ class DatasetJob(Job):
     def of(
         robot: Robot,
         *,
-        rows: int,
-        poses: str = "workspace",
+        rows: int | None = None,
+        poses: str | os.PathLike[str] = "workspace",
         labels: str = "any",
         options: Options | None = None,
         seed: int = 0,
@@ -77,11 +82,14 @@ class DatasetJob(Job):
 
         Args:
             robot: with one tip, and a URDF.
-            rows: how many, >= 1.
+            rows: how many poses, >= 1; None: all of a file.
             poses: "workspace": uniform over the ball that holds all that can be reached, and over all rotations;
-                "configurations": of configurations uniform within the limits, so that each can be reached.
+                "configurations": of configurations uniform within the limits, so that each can be reached; "paths": 128
+                after another along each of random motions; or a file of poses, .csv, .npz or .parquet, as
+                `maira-qp solve --batch` reads them, which has to stay the same until the job is finished.
             labels: "any" configuration that reaches a pose, as `Solver(robot)` finds it; "posture": the one nearest to
-                the middle of the limits, as `Strict(Posture())` does.
+                the middle of the limits, as `Strict(Posture())` does; "all": a row for each solution that
+                `Solver.solutions` lists, the best 64 of them.
             options: of the solver.
             seed: of the poses, and of the solver's random starts.
 
@@ -89,15 +97,19 @@ class DatasetJob(Job):
         """
         if not isinstance(robot, Robot) or len(robot.tips) > 1:
             raise OptionError(f"a data set is of a robot with one tip, got {shown(robot)}")
-        if not is_count(rows, 1, MOST_ROWS):
+        source, file = _source(poses)
+        if rows is None and file is not None:
+            rows = file["rows"]
+        if rows is None or not is_count(rows, 1, MOST_ROWS):
             raise OptionError(f"rows must be a positive whole number, got {shown(rows)}")
-        for name, value, valid in (("poses", poses, POSES), ("labels", labels, LABELS)):
-            if value not in valid:
-                raise OptionError(f"{name} cannot be {shown(value)}; {listed(valid, value)}")
+        if file is not None and rows > file["rows"]:
+            raise OptionError(f"rows must be at most {file['rows']}, as many as the file has, got {shown(rows)}")
+        if labels not in LABELS:
+            raise OptionError(f"labels cannot be {shown(labels)}; {listed(LABELS, labels)}")
         if not is_count(seed):
             raise OptionError(f"seed must be a non-negative whole number, got {shown(seed)}")
         centre, radius = reach_bound(robot)
-        if radius is None:
+        if radius is None and source == "workspace":
             raise OptionError("the reach of this robot has no bound, so there is no workspace to draw poses from")
         return DatasetJob(
             urdf=robot.urdf,
@@ -105,10 +117,11 @@ class DatasetJob(Job):
             base=robot.base,
             joint_names=robot.joint_names,
             rows=int(rows),
-            poses=poses,
+            poses=source,
+            file=file,
             labels=labels,
             centre=(float(centre[0]), float(centre[1]), float(centre[2])),
-            radius=radius,
+            radius=radius or 0.0,
             options=asdict(options or Options()),
             seed=int(seed),
         )
@@ -120,18 +133,22 @@ class DatasetJob(Job):
 
     @property
     def block(self) -> int:
-        """Rows of a file."""
-        return LARGEST // (8 * (len(self.joint_names) + 14))
+        """Poses of a file of the output."""
+        columns, each = len(self.joint_names) + 14, 1
+        if self.labels == "all":
+            columns, each = columns + 3, MOST_SOLUTIONS
+        return max(1, LARGEST // (8 * columns * each))
 
     def compute(self, first: int, last: int, threads: int) -> dict[str, np.ndarray]:
         """See `Job.compute`: poses (N, 7) as x, y, z and a quaternion, q (N, n), status and figures (N,)."""
         solver = _solver(self.urdf, self.tip, self.base, self.labels, tuple(self.options.items()))
         T, quaternions = self._targets(solver.robot, first, last)
         batch = solver.solve_batch(T, seed=self.seed, threads=threads)
-        return {
-            "pose": np.concatenate([T[:, :3, 3], quaternions], axis=1),
+        pose = {"pose": np.concatenate([T[:, :3, 3], quaternions], axis=1), "status": batch.status.astype(np.int8)}
+        if self.labels == "all":
+            return pose | all_solutions(solver, T, batch, self.seed, MOST_SOLUTIONS)
+        return pose | {
             "q": batch.q,
-            "status": batch.status.astype(np.int8),
             "position_error": batch.position_error,
             "orientation_error": batch.orientation_error,
             "manipulability": manipulabilities(solver.robot, batch.q),
@@ -139,32 +156,20 @@ class DatasetJob(Job):
         }
 
     def _targets(self, robot: Robot, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
-        """Poses (N, 4, 4) of rows, and their quaternions (N, 4), scalar first and positive."""
+        """Poses (N, 4, 4) of rows, and their quaternions (N, 4), scalar first and positive; NaN where there is none."""
         from scipy.spatial.transform import Rotation  # not at the top: takes a while to load
 
-        groups = [self._group(robot, k) for k in range(first // GROUP, -(-last // GROUP))]
-        begin = first // GROUP * GROUP
-        T = np.concatenate(groups)[first - begin : last - begin]
-        quaternions = np.roll(Rotation.from_matrix(T[:, :3, :3]).as_quat(), 1, axis=1)
+        if self.file is not None:
+            T = sources.of_file(self.file["path"], self.file["sha256"], first, last)
+        else:
+            about = self.poses, robot, self.centre, self.radius, self.seed
+            groups = [sources.group(*about, k) for k in range(first // sources.GROUP, -(-last // sources.GROUP))]
+            begin = first // sources.GROUP * sources.GROUP
+            T = np.concatenate(groups)[first - begin : last - begin]
+        quaternions, known = np.full((len(T), 4), np.nan), np.isfinite(T).all(axis=(1, 2))
+        if known.any():
+            quaternions[known] = np.roll(Rotation.from_matrix(T[known, :3, :3]).as_quat(), 1, axis=1)
         return T, np.where(quaternions[:, :1] < 0.0, -quaternions, quaternions)
-
-    def _group(self, robot: Robot, k: int) -> np.ndarray:
-        """The poses (GROUP, 4, 4) of the k-th group."""
-        from scipy.spatial.transform import Rotation
-
-        rng = np.random.default_rng((self.seed, k))
-        if self.poses == "configurations":
-            if robot.sum_limits:
-                q = np.array([robot.random_configuration(rng) for _ in range(GROUP)])
-            else:
-                q = drawn(rng, *robot.drawn_range, GROUP)
-            return np.array([robot.at(each).placement(None).homogeneous for each in q])
-        T = np.tile(np.eye(4), (GROUP, 1, 1))
-        direction, quaternions = rng.normal(size=(GROUP, 3)), rng.normal(size=(GROUP, 4))
-        away = self.radius * rng.random(GROUP) ** (1 / 3) / np.linalg.norm(direction, axis=1)
-        T[:, :3, 3] = np.array(self.centre) + away[:, None] * direction
-        T[:, :3, :3] = Rotation.from_quat(quaternions).as_matrix()
-        return T
 
     def begin_output(self, folder: Path) -> None:
         """See `Job.begin_output`."""
@@ -184,22 +189,41 @@ class DatasetJob(Job):
 
         manifest = self.manifest()
         about = {name: manifest["job"][name] for name in manifest["job"] if name != "rows"}
-        files.end(folder, self.rows, self.block, self.seed, about | {"versions": manifest["versions"]})
+        files.end(folder, -(-self.rows // self.block), self.seed, about | {"versions": manifest["versions"]})
 
     def columns(self, first: int, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The columns (N,) of rows, with the names of the files that `solve --batch` reads and writes."""
-        status = arrays["status"]
+        status, q = arrays["status"], arrays["q"]
         names = np.array([Status(value).name for value in range(max(Status) + 1)])
-        pose = dict(zip(("x", "y", "z", "qw", "qx", "qy", "qz"), arrays["pose"].T, strict=True))
-        figures = {name: arrays[name] for name in list(arrays)[3:]}
-        return {
-            "index": np.arange(first, first + len(status)),
-            **pose,
-            "success": status == Status.CONVERGED,
-            "status": names[status],
-            **figures,
-            **{f"q_{joint}": arrays["q"][:, i] for i, joint in enumerate(self.joint_names)},
-        }
+        figures = {name: arrays[name] for name in FIGURES}
+        row, solution = np.arange(len(status)), dict[str, np.ndarray]()
+        if self.labels == "all":
+            shown = np.arange(MOST_SOLUTIONS) < np.maximum(arrays["solutions"], 1)[:, None]
+            row, k = np.nonzero(shown)
+            q, figures = q[row, k], {name: values[row, k] for name, values in figures.items()}
+            solution = {"solution": k, "solutions": arrays["solutions"][row], "complete": arrays["complete"][row]}
+        missing = ~np.isfinite(arrays["pose"][row, 0])  # of a file's rows without a pose: empty cells
+        numbers = dict(zip(("x", "y", "z", "qw", "qx", "qy", "qz"), arrays["pose"][row].T, strict=True))
+        answers = figures | {f"q_{joint}": q[:, i] for i, joint in enumerate(self.joint_names)}
+        if missing.any():
+            numbers = {name: np.ma.masked_array(values, mask=missing) for name, values in numbers.items()}
+            answers = {name: np.ma.masked_array(values, mask=missing) for name, values in answers.items()}
+        found: dict[str, np.ndarray] = {"index": first + row}
+        if self.poses == "paths":
+            found["path"] = found["index"] // sources.PATH
+        verdict = {"success": status[row] == Status.CONVERGED, "status": names[status[row]]}
+        return found | numbers | verdict | solution | answers
+
+
+def _source(given: Any) -> tuple[str, dict[str, Any] | None]:
+    """Where poses come from, and what is to be known of a file. Raises `OptionError`, `PoseError`."""
+    if isinstance(given, os.PathLike) or (isinstance(given, str) and Path(given).suffix.lower() in sources.FORMATS):
+        return "file", sources.described(Path(given))
+    if given not in sources.RANDOM:
+        raise OptionError(
+            f"poses cannot be {shown(given)}; {listed(sources.RANDOM, given)}; or a file, {', '.join(sources.FORMATS)}"
+        )
+    return given, None
 
 
 @lru_cache(maxsize=2)

@@ -38,8 +38,16 @@ class Engine(ABC):
         """
 
 
-def engine_of(name: str | Engine, workers: int | None = None, time_limit: float = 600.0, address: str = "") -> Engine:
-    """An engine by its name, or the one that was given. Raises `OptionError`."""
+def engine_of(
+    name: str | Engine, workers: int | None = None, time_limit: float | None = None, address: str = ""
+) -> Engine:
+    """An engine by its name, or the one that was given. Raises `OptionError`, also for what it does not take."""
+    if time_limit is not None and name != "processes":
+        raise OptionError(
+            "time_limit is for the engine 'processes' alone: leave it out, or set a limit of the cluster's"
+        )
+    if address and name not in ("dask", "ray"):
+        raise OptionError("address is for the engines 'dask' and 'ray': leave it out")
     if isinstance(name, Engine):
         return name
     if not isinstance(name, str) or name not in ENGINES:
@@ -52,7 +60,8 @@ def engine_of(name: str | Engine, workers: int | None = None, time_limit: float 
             raise OptionError("the engine 'here' is this process alone: leave out workers, or take 'processes'")
         return getattr(import_module(module), kind)()
     if name == "processes":
-        return getattr(import_module(module), kind)(workers, time_limit=time_limit)
+        limits = {} if time_limit is None else {"time_limit": time_limit}
+        return getattr(import_module(module), kind)(workers, **limits)
     return getattr(import_module(module), kind)(workers, address=address)
 
 

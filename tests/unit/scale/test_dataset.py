@@ -5,12 +5,14 @@ import json
 import numpy as np
 import pytest
 from support.marked_jobs import files_of
+from support.robots import load
 
 import maira_qp as mq
-from maira_qp.errors import OptionError
+from maira_qp.errors import JobError, OptionError
 from maira_qp.evaluation.judge import Judge
 from maira_qp.io.poses import read_poses
 from maira_qp.scale import DatasetJob, resume, run, state_of
+from maira_qp.scale.dataset import poses as sources
 
 parquet = pytest.importorskip("pyarrow.parquet")
 ROWS = 2500
@@ -95,6 +97,77 @@ def test_labels_by_posture_and_poses_of_configurations(maira, tmp_path):
     assert state_of(tmp_path / "any").kind == "dataset"
 
 
+def test_poses_along_paths(maira, tmp_path):
+    """Of 128 each, without a jump from one to the next, and each can be reached."""
+    run(DatasetJob.of(maira, rows=1500, poses="paths"), tmp_path / "set", engine="here")
+    columns = columns_of(tmp_path / "set")
+    assert columns["success"].all()
+    path = columns["path"]
+    np.testing.assert_array_equal(path, np.arange(1500) // 128)
+    step = np.linalg.norm(np.diff(np.column_stack([columns[axis] for axis in "xyz"]), axis=0), axis=1)
+    assert step[np.diff(path) == 0].max() < 0.25
+    assert step[np.diff(path) == 1].mean() > 0.3
+
+
+@pytest.fixture
+def asked(maira, rng, tmp_path):
+    """A file of 30 poses, of which one is not there."""
+    T = np.array([maira.forward(maira.random_configuration(rng)).homogeneous for _ in range(30)])
+    T[17] = np.nan
+    np.savez(tmp_path / "asked.npz", targets=T)
+    return T
+
+
+def test_poses_of_a_file(maira, asked, tmp_path):
+    job = DatasetJob.of(maira, poses=tmp_path / "asked.npz")
+    run(job, tmp_path / "set", engine="here", shard=7)
+    columns = columns_of(tmp_path / "set")
+    assert len(columns["index"]) == 30
+    batch = mq.Solver(maira).solve_batch(asked)
+    np.testing.assert_array_equal(columns["x"], asked[:, 0, 3])
+    assert columns["status"][17] == "INVALID_TARGET"
+    known = np.arange(30) != 17
+    np.testing.assert_array_equal(q_of(columns, maira)[known], batch.q[known])
+    table = parquet.read_table(tmp_path / "set" / "data")
+    assert [table[name].null_count for name in ("x", "qw", "manipulability", "q_joint1", "success")] == [1, 1, 1, 1, 0]
+    with pytest.raises(OptionError, match="rows must be at most 30"):
+        DatasetJob.of(maira, poses=tmp_path / "asked.npz", rows=31)
+
+
+def test_a_file_that_is_another_one_is_refused(maira, asked, tmp_path):
+    job = DatasetJob.of(maira, poses=str(tmp_path / "asked.npz"))
+    run(job, tmp_path / "set", engine="here", part=(1, 2))
+    np.savez(tmp_path / "asked.npz", targets=asked[::-1])
+    sources._checked.cache_clear()
+    with pytest.raises(JobError, match="is not the file any more that this job was begun with"):
+        resume(tmp_path / "set", engine="here")
+    (tmp_path / "asked.npz").unlink()
+    with pytest.raises(JobError, match="is not there"):
+        resume(tmp_path / "set", engine="here")
+
+
+def test_a_row_for_each_solution(tmp_path, monkeypatch):
+    """Those that `solutions` lists, with how many there are; of a pose without one there is one row."""
+    monkeypatch.setattr("maira_qp.scale.dataset.job.MOST_SOLUTIONS", 5)
+    robot = load("irb140")
+    solver = mq.Solver(robot)
+    T = np.array([robot.forward(0.1 + 0.2 * np.arange(robot.n) / robot.n).homogeneous, np.eye(4)])
+    T[1, 0, 3] = 9.0
+    np.savez(tmp_path / "asked.npz", targets=T)
+    run(DatasetJob.of(robot, poses=tmp_path / "asked.npz", labels="all"), tmp_path / "set", engine="here")
+    columns, wanted = columns_of(tmp_path / "set"), solver.solutions(T[0], rng=0)
+    here = columns["index"] == 0
+    assert here.sum() == min(5, len(wanted)) > 1
+    np.testing.assert_array_equal(q_of(columns, robot)[here], [one.q for one in wanted[:5]])
+    np.testing.assert_array_equal(columns["solution"][here], np.arange(here.sum()))
+    assert (columns["solutions"][here] == len(wanted)).all()
+    assert (columns["success"][~here].tolist(), columns["solutions"][~here].tolist()) == ([False], [0])
+    distance = [robot.manipulability(one.q) for one in wanted[:5]]
+    np.testing.assert_allclose(columns["manipulability"][here], distance, rtol=1e-9)
+    info = json.loads((tmp_path / "set" / "meta" / "info.json").read_text())
+    assert info["total_frames"] == here.sum() + 1
+
+
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("library", ["pandas", "polars", "datasets"])
 def test_others_read_it(folder, library, tmp_path):
@@ -118,6 +191,7 @@ def test_data_sets_that_make_no_sense_are_refused(maira):
         ({"rows": 0}, "rows must be a positive"),
         ({"rows": 5, "poses": "workspaces"}, "did you mean 'workspace'"),
         ({"rows": 5, "labels": "best"}, "labels cannot be 'best'"),
+        ({}, "rows must be a positive"),
         ({"rows": 5, "seed": -1}, "seed must be"),
     ):
         with pytest.raises(OptionError, match=said):

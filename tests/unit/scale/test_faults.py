@@ -257,6 +257,9 @@ def test_options_that_make_no_sense_are_refused(marks, tmp_path):
         ({"shard": 0}, "shard must be a positive"),
         ({"threads": 0}, "threads must be a positive"),
         ({"time_limit": 0.0}, "time_limit must be positive"),
+        ({"time_limit": 9.0, "engine": "here"}, "time_limit is for the engine 'processes' alone"),
+        ({"time_limit": 9.0, "engine": Processes(1)}, "time_limit is for the engine 'processes' alone"),
+        ({"address": "tcp://head:8786"}, "address is for the engines 'dask' and 'ray'"),
     ):
         with pytest.raises(OptionError, match=said):
             run(job, tmp_path / "job", **options)

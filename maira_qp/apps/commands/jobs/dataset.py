@@ -17,13 +17,15 @@ from maira_qp.problem.options import Options
 @explained
 @dataclass(frozen=True, kw_only=True)
 class Dataset:
-    """Make a data set of random poses with their solutions, in Parquet.
+    """Make a data set of poses with their solutions, in Parquet.
 
-    Poses that are proved to be out of reach are among them. The data set is a folder of files of at most 100 MB, laid
-    out as LeRobot's format 3 has it: data/chunk-000/file-000.parquet, ... and meta/info.json. Its columns are those of
-    solve --batch: x, y, z [m], qw, qx, qy, qz, success, status, errors [m, rad], manipulability, limit_distance (0 at a
-    limit, 1 midway), q_<joint> [rad, or m]. Whatever interrupts a run, the same command goes on with it, as does
-    maira-qp job resume FOLDER. Exit code 0: the data set is finished, or the part that --shard names is done.
+    Poses are random, or from a file; those that are proved to be out of reach are among them. The data set is a folder
+    of files of at most 100 MB, laid out as LeRobot's format 3 has it: data/chunk-000/file-000.parquet, ... and
+    meta/info.json. Its columns are those of solve --batch: x, y, z [m], qw, qx, qy, qz, success, status, errors [m,
+    rad], manipulability, limit_distance (0 at a limit, 1 midway), q_<joint> [rad, or m]; with --labels all also
+    solution and solutions, which of how many, and complete, whether these are all. Whatever interrupts a run, the same
+    command goes on with it, as does maira-qp job resume FOLDER. Exit code 0: the data set is finished, or the part that
+    --shard names is done.
 
     Example:
 
@@ -32,13 +34,15 @@ class Dataset:
     choice: RobotFlags = field(default_factory=RobotChoice)
     output: Path
     """Folder of the table; new, or that of the same table, begun before."""
-    rows: int
-    """How many poses; >= 1."""
-    poses: Literal["workspace", "configurations"] = "workspace"
+    rows: int | None = None
+    """How many poses; >= 1; none: all of a file."""
+    poses: str = "workspace"
     """workspace: uniform over the ball that holds all that can be reached, and over all rotations; configurations:
-    those of joint values uniform within the limits."""
-    labels: Literal["any", "posture"] = "any"
-    """any joint values that reach the pose, or those nearest to the middle of the limits: posture."""
+    those of joint values uniform within the limits; paths: 128 after another along each of random motions; or a file of
+    poses, .csv, .npz or .parquet, as those of solve --batch."""
+    labels: Literal["any", "posture", "all"] = "any"
+    """any joint values that reach the pose; posture: those nearest to the middle of the limits; all: a row for each
+    solution, at most 64."""
     seed: int = 0
     """Seed of the poses and of the random starts; >= 0."""
     options: SolverFlags = field(default_factory=Options)

@@ -33,8 +33,9 @@ class RunChoice:
     shard: str = ""
     """I/N: the I-th of N parts, and no output: for arrays of tasks, such as SLURM's. Once all parts are done, the same
     command without --shard writes the output."""
-    time_limit: float = 600.0
-    """Seconds after which a worker of processes that still does its shard is ended, and the shard done again; > 0."""
+    time_limit: float | None = None
+    """Seconds after which a worker of processes that still does its shard is ended, and the shard done again; > 0;
+    none: 600. For the engine processes alone."""
 
     def options(self) -> dict[str, Any]:
         """As `scale.run` takes them. Raises `OptionError`."""
