@@ -43,9 +43,7 @@ def engine_of(
 ) -> Engine:
     """An engine by its name, or the one that was given. Raises `OptionError`, also for what it does not take."""
     if time_limit is not None and name != "processes":
-        raise OptionError(
-            "time_limit is for the engine 'processes' alone: leave it out, or set a limit of the cluster's"
-        )
+        raise OptionError("time_limit is for the engine 'processes' alone: leave it out")
     if address and name not in ("dask", "ray"):
         raise OptionError("address is for the engines 'dask' and 'ray': leave it out")
     if isinstance(name, Engine):

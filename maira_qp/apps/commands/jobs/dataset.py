@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from maira_qp.apps.arguments.flags import RobotFlags, SolverFlags, checked_seed
-from maira_qp.apps.arguments.optional import Flag, explained
+from maira_qp.apps.arguments.optional import Flag, Maybe, explained
 from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.apps.commands.jobs.running import RunChoice, RunFlags
 from maira_qp.apps.left_pipes import reader_may_leave
@@ -34,7 +34,7 @@ class Dataset:
     choice: RobotFlags = field(default_factory=RobotChoice)
     output: Path
     """Folder of the table; new, or that of the same table, begun before."""
-    rows: int | None = None
+    rows: Maybe[int] = None
     """How many poses; >= 1; none: all of a file."""
     poses: str = "workspace"
     """workspace: uniform over the ball that holds all that can be reached, and over all rotations; configurations:

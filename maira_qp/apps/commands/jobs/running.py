@@ -33,7 +33,7 @@ class RunChoice:
     shard: str = ""
     """I/N: the I-th of N parts, and no output: for arrays of tasks, such as SLURM's. Once all parts are done, the same
     command without --shard writes the output."""
-    time_limit: float | None = None
+    time_limit: Maybe[float] = None
     """Seconds after which a worker of processes that still does its shard is ended, and the shard done again; > 0;
     none: 600. For the engine processes alone."""
 
