@@ -70,11 +70,12 @@ def described(path: Path) -> dict[str, Any]:
 
 def of_file(path: str, sha256: str, first: int, last: int) -> np.ndarray:
     """Poses (last - first, 4, 4) of a file; NaN where a row has none. Raises `JobError` if it is not the same file."""
-    return _checked(path, sha256).targets(slice(first, last))
+    return opened(path, sha256).targets(slice(first, last))
 
 
 @lru_cache(maxsize=1)
-def _checked(path: str, sha256: str) -> Any:
+def opened(path: str, sha256: str) -> Any:
+    """The poses of a file, if it is the one of that checksum. Raises `JobError`."""
     if not Path(path).exists():
         raise JobError(f"{path}, the poses of this job, is not there")
     if _sum(Path(path)) != sha256:

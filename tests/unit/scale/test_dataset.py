@@ -138,7 +138,7 @@ def test_a_file_that_is_another_one_is_refused(maira, asked, tmp_path):
     job = DatasetJob.of(maira, poses=str(tmp_path / "asked.npz"))
     run(job, tmp_path / "set", engine="here", part=(1, 2))
     np.savez(tmp_path / "asked.npz", targets=asked[::-1])
-    sources._checked.cache_clear()
+    sources.opened.cache_clear()
     with pytest.raises(JobError, match="is not the file any more that this job was begun with"):
         resume(tmp_path / "set", engine="here")
     (tmp_path / "asked.npz").unlink()
