@@ -34,7 +34,7 @@ def test_results_say_what_is_free(maira, name):
     for part in ("position", "orientation"):
         unknown = part in free
         assert (s.as_dict()[f"{part}_error"] is None) == unknown
-        assert np.isnan(columns([batch])[f"{part}_error"]).all() == unknown
+        assert np.isnan(columns(batch)[f"{part}_error"]).all() == unknown
         assert not unknown or getattr(s, f"{part}_error") == 0.0
     if free == ("orientation",):
         assert s.success == (np.linalg.norm(maira.forward(s.q).translation - target.translation) <= 1e-6)
