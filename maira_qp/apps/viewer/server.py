@@ -102,7 +102,12 @@ class Viewer:
 
     def target_moved(self, tip: str, T: np.ndarray) -> None:
         """The target of a tip was dragged to a pose (4, 4)."""
-        self.session(f"target {tip}", lambda session: session.move_target(T, tip))
+
+        def move(session: Session) -> None:
+            session.select(tip)
+            session.move_target(T)
+
+        self.session(f"target {tip}", move)
 
     def obstacle_moved(self, name: str, T: np.ndarray) -> None:
         """An obstacle was dragged to a pose (4, 4)."""
@@ -185,6 +190,8 @@ class Viewer:
             self._panel = Panel(self._server.gui, session, shown.loaded, self)
             self._ball = Ball(session.robot, session.q, shown.geometry.bodies)
             self._ball.frame(self._server.initial_camera)
+            for client in self._server.get_clients().values():
+                self._ball.frame(client.camera, client.camera.aspect)
 
     def _show(self, session: Session, view: View) -> None:
         with self._server.atomic():

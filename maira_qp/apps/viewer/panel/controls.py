@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import viser
 
@@ -42,6 +42,26 @@ class Ask(Protocol):
     def failures(self, client: viser.ClientHandle | None) -> AbstractContextManager[None]:
         """Errors within are told to the client."""
         ...
+
+
+class Choice:
+    """A drop-down or a box to tick that follows a value, but not just after a person chose."""
+
+    def __init__(self, handle: Any, chosen: Callable[[Any], None]) -> None:
+        """`chosen` is called with what a person chose."""
+        self.handle = handle
+        self._touched = -UNTOUCHED
+
+        @handle.on_update
+        async def _(event: viser.GuiEvent) -> None:
+            if event.client is not None:
+                self._touched = time.monotonic()
+                chosen(handle.value)
+
+    def show(self, value: Any) -> None:
+        """The value is this."""
+        if value != self.handle.value and time.monotonic() - self._touched > UNTOUCHED:
+            self.handle.value = value
 
 
 class Slider:

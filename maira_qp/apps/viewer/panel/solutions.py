@@ -7,7 +7,7 @@ import viser
 
 from maira_qp.apps.viewer.answers import Ghosts
 from maira_qp.apps.viewer.panel import readout
-from maira_qp.apps.viewer.panel.controls import Ask, Slider
+from maira_qp.apps.viewer.panel.controls import Ask, Choice, Slider
 from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.view import View
 from maira_qp.apps.viewer.workplace import Method
@@ -27,19 +27,17 @@ class SolutionsTab:
         self._ask, self._clicks = ask, 0
         self._add_redundancy(gui, session)
         self._add_elbow(gui)
-        self._show_all = gui.add_checkbox(
+        show_all = gui.add_checkbox(
             "Show all solutions", session.shows_ghosts, hint="As ghosts, coloured by cost; click one to go there"
+        )
+        self._show_all = Choice(
+            show_all, lambda wanted: ask.session("ghosts", lambda session: session.show_ghosts(wanted))
         )
         self._shown: Ghosts | None = None
         self._choice = gui.add_dropdown("Go to", (NONE_CHOSEN,), visible=False)
         self._next = gui.add_button("Go to the next solution", visible=False)
         self._solutions = gui.add_html("")
         self._count = 0
-
-        @self._show_all.on_update
-        def _(_: viser.GuiEvent) -> None:
-            wanted = self._show_all.value
-            ask.session("ghosts", lambda session: session.show_ghosts(wanted))
 
         @self._choice.on_update
         def _(event: viser.GuiEvent) -> None:
@@ -88,7 +86,7 @@ class SolutionsTab:
             self._swivel.show(float(np.degrees(elbow.psi)))
         self._ends.content = readout.ends(session.robot, elbow)
         self._solutions.content = readout.solutions(session, view)
-        self._show_all.value = session.shows_ghosts
+        self._show_all.show(session.shows_ghosts)
         if view.ghosts is not self._shown:
             self._shown = view.ghosts
             names = () if view.ghosts is None else view.ghosts.names

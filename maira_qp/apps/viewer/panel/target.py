@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pinocchio as pin
 import viser
 
-from maira_qp.apps.viewer.panel.controls import Ask
+from maira_qp.apps.viewer.panel.controls import Ask, Choice
 from maira_qp.apps.viewer.panel.copying import copied_lines
 from maira_qp.apps.viewer.panel.fields import PoseFields
 from maira_qp.apps.viewer.quantities import listing, position_text, rpy_text
@@ -24,9 +24,9 @@ class TargetTab:
 
     def __init__(self, gui: viser.GuiApi, session: Session, ask: Ask) -> None:
         self._ask, self._clicks = ask, 0
-        self._tip = gui.add_dropdown(
-            "Tip", session.robot.tips, initial_value=session.selected, visible=len(session.robot.tips) > 1
-        )
+        tips = session.robot.tips
+        tip = gui.add_dropdown("Tip", tips, initial_value=session.selected, visible=len(tips) > 1)
+        self._tip = Choice(tip, lambda tip: self._do(lambda session: session.select(tip)))
         with gui.add_form(None) as form:
             self._fields = PoseFields(gui, session.target)
             go = gui.add_button("Go there", icon=viser.Icon.TARGET_ARROW)
@@ -37,6 +37,7 @@ class TargetTab:
         axes = gui.add_dropdown(
             "Arrows along", (TOOL_AXES, BASE_AXES), hint="The axes that the target is dragged along, and moved by keys"
         )
+        self._axes = Choice(axes, lambda axes: self._do(lambda session: session.use_axes(axes == BASE_AXES)))
         self._tool = gui.add_html("")
 
         go.on_click(lambda _: form.submit())
@@ -47,11 +48,6 @@ class TargetTab:
                 typed = self._fields.typed()
                 self._do(lambda session: session.move_target(typed.of(session.target)))
 
-        @self._tip.on_update
-        def _(_: viser.GuiEvent) -> None:
-            tip = self._tip.value
-            ask.session("tip", lambda session: session.select(tip))
-
         @self._steps.on_click
         def _(event: viser.GuiEvent) -> None:
             self._do({HOME: Session.go_home, UNDO: Session.undo, REDO: Session.redo}[event.target.value])
@@ -60,11 +56,6 @@ class TargetTab:
         def _(_: viser.GuiEvent) -> None:
             ask.session("stop", Session.stop)
 
-        @axes.on_update
-        def _(_: viser.GuiEvent) -> None:
-            has_base_axes = axes.value == BASE_AXES
-            ask.session("axes", lambda session: session.use_axes(has_base_axes))
-
     def _do(self, action: Callable[[Session], None]) -> None:
         """Each click counts, however many come between two ticks."""
         self._clicks += 1
@@ -72,6 +63,8 @@ class TargetTab:
 
     def show(self, view: View) -> None:
         """The target, and where the tool is."""
+        self._tip.show(view.selected)
+        self._axes.show(BASE_AXES if view.has_base_axes else TOOL_AXES)
         self._fields.show(view.target)
         self._tool.content = copied_lines(lines_of(view.tool))
 
