@@ -47,8 +47,9 @@ CLOSINGS = 4
 """Lines that end where they begin of which it is tried whether they lead along the path."""
 NEARLY_CLOSED = 1e-3
 """A loop whose ends are no further apart [rad or m], two descents to one pose, ends with its beginning."""
-CALM = 4.0
-"""A line whose largest step is at most so many times the mean step is not sought again in finer layers."""
+CALM, NARROWER = 4.0, 0.5
+"""A line whose largest step is at most so many times the mean step is not sought again: with steps smaller than its
+largest by this factor, which one large step in the place of many small ones is not, and in finer layers."""
 KNOTS_DONE, ALONE_DONE, PARTS_DONE = 0.4, 0.6, 0.9
 """Shares of the work that are done with the knots, the poses by themselves and the parts, as a rule of thumb."""
 
@@ -223,7 +224,7 @@ def follow(
     if len(path) < 2:
         return known
     nodes, fixed = [each[None] for each in known], (is_start_given or is_loop, is_loop)
-    best, least = None, np.inf
+    best, least, line = None, np.inf, _loop if is_loop else _continuous_line
     if is_start_given:
         for k, q in enumerate(_continued(path, known[0])):
             nodes[k + 1] = np.concatenate([q[None], nodes[k + 1]])
@@ -232,21 +233,37 @@ def follow(
         at = layer_indices(path, density.spacing)
         layers = layers_of(path, at, nodes, is_start_given, density, rng)
         for times in WIDER:
-            wider = replace(path, window=times * path.window)
-            q = (_loop if is_loop else _continuous_line)(wider, at, layers, is_start_given)
-            if q is None:
-                continue
-            q = smoothed(path, q, fixed)
-            if (largest := path.largest_steps(q).max()) < least:
-                best, least = q, largest
+            q = line(replace(path, window=times * path.window), at, layers, is_start_given)
+            best, least = _smoother(path, best, q, fixed)
             if least <= 1.0:
                 break
-        if best is not None and least <= min(1.0, CALM * path.largest_steps(best).mean()):
+        while best is not None and not _is_calm(path, best):
+            q, before = line(replace(path, window=NARROWER * least * path.window), at, layers, is_start_given), least
+            best, least = _smoother(path, best, q, fixed)
+            if not least < before:
+                break
+        if best is not None and least <= 1.0 and _is_calm(path, best):
             return best
     if best is not None and least <= 1.0:
         return best
     broken_up = _with_reconfigurations(path, known, at, layers, is_start_given)
     return broken_up if best is None or _breaks(path, broken_up) < _breaks(path, best) else best
+
+
+def _smoother(
+    path: PathArrays, best: np.ndarray | None, q: np.ndarray | None, fixed: tuple[bool, bool]
+) -> tuple[np.ndarray | None, float]:
+    """The one of two lines (N, n), or none, with the smaller largest step, the second smoothed, and that step."""
+    q = None if q is None else smoothed(path, q, fixed)
+    known = [(float(path.largest_steps(each).max()), each) for each in (best, q) if each is not None]
+    least, one = min(known, key=lambda each: each[0], default=(np.inf, None))
+    return one, least
+
+
+def _is_calm(path: PathArrays, q: np.ndarray) -> bool:
+    """Whether no step of a line (N, n) is much larger than others."""
+    steps = path.largest_steps(q)
+    return bool(steps.max() <= CALM * steps.mean())
 
 
 def _breaks(path: PathArrays, q: np.ndarray) -> int:

@@ -207,6 +207,21 @@ def test_lines_are_smooth(name):
     assert np.abs(changes).max() < 0.1 * np.abs(steps).max()
 
 
+def test_no_large_step_stands_in_the_place_of_many_small_ones():
+    """A motion past a singular configuration of an arm that could turn about it at once."""
+    robot, rng, u = mq.Robot.load("iiwa14"), np.random.default_rng(123), np.linspace(0, 1, 120)[:, None]
+
+    def drawn() -> np.ndarray:
+        at_limit, is_lower = rng.random(7) < 0.5, rng.random(7) < 0.5
+        return np.where(at_limit, np.where(is_lower, robot.lower, robot.upper), robot.random_configuration(rng))
+
+    a, b, c, d = (drawn() for _ in range(4))
+    motion = (1 - u) ** 3 * a + 3 * u * (1 - u) ** 2 * b + 3 * u**2 * (1 - u) * c + u**3 * d
+    p = mq.Solver(robot).track([robot.forward(q) for q in motion])
+    assert p
+    assert p.max_joint_step < 3 * largest_step(motion)
+
+
 def test_the_same_call_gives_the_same_path(rng):
     robot = mq.Robot.maira()
     targets = poses_along(robot, smooth_motion(robot, rng, 40))
