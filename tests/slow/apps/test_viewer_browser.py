@@ -222,7 +222,7 @@ def test_dragging_the_target_moves_the_joints_until_the_tool_is_there(tab, viewe
     assert np.abs(session.q - q).max() > 0.02
     way = before.rotation.T @ (session.target.translation - before.translation)
     assert np.abs(way[1:]).max() < 1e-3 < abs(way[0])
-    tab.page.get_by_text("REACHED").wait_for(timeout=1000 * PATIENCE)
+    tab.page.get_by_text("REACHED", exact=True).wait_for(timeout=1000 * PATIENCE)
 
 
 def test_a_target_out_of_reach_is_told_and_comes_back(tab, viewer):
@@ -236,7 +236,7 @@ def test_a_target_out_of_reach_is_told_and_comes_back(tab, viewer):
         tab.page.wait_for_timeout(100)
     tab.page.get_by_text("proved out of reach").wait_for(timeout=1000 * PATIENCE)
     viewer.session("target", lambda session: session.move_target(home))
-    tab.page.get_by_text("REACHED").wait_for(timeout=1000 * PATIENCE)
+    tab.page.get_by_text("REACHED", exact=True).wait_for(timeout=1000 * PATIENCE)
     tab.wait(lambda: np.abs(mq.pose_error(session.robot.forward(session.q), session.target)).max() < 1e-6)
 
 
@@ -249,7 +249,7 @@ def test_a_target_is_typed_its_pose_and_q_are_copied_and_it_is_undone(tab, viewe
     tab.write(0, "900, -600.5, 700")
     tab.wait(lambda: np.abs(session.target.translation - [0.9, -0.6005, 0.7]).max() < 1e-12)
     np.testing.assert_array_equal(session.target.rotation, home.rotation)
-    tab.page.get_by_text("REACHED").wait_for(timeout=1000 * PATIENCE)
+    tab.page.get_by_text("REACHED", exact=True).wait_for(timeout=1000 * PATIENCE)
     tab.write(1, "180, 0, 90")
     tab.wait(lambda: np.abs(session.target.rotation - mq.pose(rpy=[np.pi, 0, np.pi / 2]).rotation).max() < 1e-9)
     tab.write(2, "none")
@@ -357,7 +357,7 @@ def test_with_keep_clear_what_is_converged_is_clear(tab, viewer):
     tab.wait(
         lambda: is_clear() and np.abs(mq.pose_error(session.robot.forward(session.q), session.target)).max() < 1e-6
     )
-    tab.page.get_by_text("REACHED").wait_for(timeout=1000 * PATIENCE)
+    tab.page.get_by_text("REACHED", exact=True).wait_for(timeout=1000 * PATIENCE)
     assert is_clear()
     viewer.session("remove", lambda session: [session.remove_obstacles(), session.avoid(False)])
     tab.wait(lambda: not session.workplace.obstacles)
