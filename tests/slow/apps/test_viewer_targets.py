@@ -61,7 +61,7 @@ def test_keys_move_the_target_along_the_axes_that_were_chosen(maira):
 
 
 def test_each_tip_of_a_tree_follows_its_own_target():
-    robot = mq.Robot.load("tiago_dual")
+    robot = mq.Robot.load("baxter")
     session = Session(robot)
     left, right = robot.tips
     before = session.targets
