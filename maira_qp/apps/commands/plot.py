@@ -175,10 +175,15 @@ class SelfMotion(Picture):
 @explained
 @dataclass(frozen=True, kw_only=True)
 class Reach(Picture):
-    """A plane of positions at one orientation: reached, proved unreachable, or open."""
+    """A plane of positions at one orientation: reached, proved unreachable, or open; or a plane of a map."""
 
     name = "reach"
 
+    map: Maybe[Path] = None
+    """Folder of a map of maira-qp reach, whose plane is drawn without a solve; none: no map."""
+    quantity: str = "reachable"
+    """What of the map is drawn: reachable, unreachable or undecided, a share of the orientations; directions_open, how
+    many; manipulability or limit_distance, the largest that was found."""
     quaternion: Quaternion = None
     """Orientation of the tool as a unit quaternion, scalar first; without any: that of the base."""
     rpy: Rpy = None
@@ -194,8 +199,25 @@ class Reach(Picture):
     threads: Maybe[int] = None
     """Threads that solve; >= 1; none: one a processor. No answer depends on it."""
 
+    def _of_map(self, folder: Path, units: Units) -> Figure:
+        """The cells of a plane. Raises `JobError`, `OptionError`."""
+        from maira_qp.apps import plots
+        from maira_qp.scale.reach.reach_map import ReachMap
+
+        if self.choice != RobotChoice():
+            raise OptionError("--map has its robot: leave out --robot, --tip, --base and --limits")
+        reach = ReachMap.open(folder)
+        cut = reach.slice(self.plane, self.at / units.metre, self.quantity)
+        made = plots.figure(size=(6.4, 4.8))
+        plots.map_slice(made.axes[0], cut.x, cut.y, cut.values, axes=self.plane, label=self.quantity)
+        third = ({*"xyz"} - {*self.plane}).pop()
+        made.axes[0].set_title(f"{reach.robot.name}: cells of {reach.job.cell:g} m, {third} = {cut.at:.4g} m")
+        return made
+
     def draw(self, robot: Robot, units: Units) -> Figure:
-        """A batch of poses, a cell each."""
+        """A batch of poses, a cell each; or cells of a map."""
+        if self.map is not None:
+            return self._of_map(self.map, units)
         from maira_qp.apps import plots
         from maira_qp.apps.arguments.output import progress_bar
         from maira_qp.evaluation.reach_slice import reach_slice

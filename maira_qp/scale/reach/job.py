@@ -27,6 +27,8 @@ POSES, CONFIGURATIONS = 16_384, 2_048
 """Poses that are solved together, and configurations that are judged together: what fits into the caches."""
 BLOCK = 4_000_000
 """Poses of a block of the output, at most, if a plane of cells has no more."""
+RESTARTS = 15
+"""Of descents, where nothing is said"""
 ALIGNED = 1e-6
 """Share of a cell by which an end of the box may be beyond a cell's face and still be at it."""
 MOST = 2**40
@@ -77,7 +79,7 @@ class ReachJob(Job):
         rolls: int = 1,
         box: Sequence[Sequence[float]] | None = None,
         options: Options | None = None,
-        proof_boxes: int | None = None,
+        proof_boxes: int | None = 0,
         seed: int = 0,
     ) -> ReachJob:
         """The job of mapping what the tip of a robot reaches.
@@ -88,9 +90,10 @@ class ReachJob(Job):
             directions: of the tool's z axis, uniform over the sphere, >= 1.
             rolls: about each of them, uniform over a turn, >= 1.
             box: ((x0, x1), (y0, y1), (z0, z1)) [m], which the grid will cover; None: all that can be reached.
-            options: of the solver.
+            options: of the solver; None: those of a solve, but `max_restarts=15`, after which few poses are missed.
             proof_boxes: for arms that are no S-R-S arms: boxes of joint values that the proof that a pose is out of
-                reach may take, >= 0; 0: no proofs, which there take nearly all of the time; None: as in a solve.
+                reach may take, >= 0; None: as many as in a solve, which there takes nearly all of the time; 0: no such
+                proofs, so that what is not reached is undecided.
             seed: of the solver's random starts.
 
         Raises `OptionError` for values out of range, for a robot with several tips, and without a box for one whose
@@ -126,7 +129,7 @@ class ReachJob(Job):
             rolls=int(rolls),
             centre=(float(centre[0]), float(centre[1]), float(centre[2])),
             radius=radius,
-            options=asdict(options or Options()),
+            options=asdict(options or Options(max_restarts=RESTARTS)),
             proof_boxes=proof_boxes,
             seed=int(seed),
         )

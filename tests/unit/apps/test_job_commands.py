@@ -46,6 +46,17 @@ def test_a_map_is_made_looked_at_and_verified(maira_qp, tmp_path):
     assert (code, "done now" in out) == (0, True)
 
 
+def test_a_plane_of_a_map_is_drawn(maira_qp, tmp_path):
+    pytest.importorskip("matplotlib")
+    folder, picture = str(tmp_path / "map"), tmp_path / "plane.png"
+    maira_qp(*SMALL, "--output", folder, "--engine", "here")
+    flags = ("--map", folder, "--plane", "xy", "--at", "0.5", "--quantity", "manipulability", "--output", str(picture))
+    assert maira_qp("plot", "reach", *flags)[0] == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert "--at must be from" in misuse(maira_qp("plot", "reach", *flags, "--at", "50"))
+    assert "--map has its robot" in misuse(maira_qp("plot", "reach", *flags, "--robot", "iiwa14"))
+
+
 def test_parts_and_then_the_whole(maira_qp, tmp_path):
     folder = str(tmp_path / "map")
     for part in ("2/2", "1/2"):

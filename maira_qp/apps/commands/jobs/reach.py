@@ -43,12 +43,13 @@ class Reach:
     """Rolls about each direction, uniform over a turn; >= 1."""
     box: Maybe[tuple[float, float, float, float, float, float]] = None
     """What the grid is to cover, X0 X1 Y0 Y1 Z0 Z1 [m]; none: all that can be reached."""
-    proof_boxes: Maybe[int] = None
+    proof_boxes: int = 0
     """For arms that are no S-R-S arms: boxes of joint values that the proof that a pose is out of reach may take; >= 0;
-    0: no proofs, which there take nearly all of the time; none: as in a solve."""
+    0: no such proofs, so that what is not reached is undecided; a solve takes 2000, which there takes nearly all of the
+    time."""
     seed: int = 0
     """Seed of the random starts; >= 0."""
-    options: SolverFlags = field(default_factory=Options)
+    options: SolverFlags = field(default_factory=lambda: Options(max_restarts=15))
     how: RunFlags = field(default_factory=RunChoice)
     json: Flag = False
     """One JSON value on stdout: the summary."""
