@@ -175,7 +175,7 @@ class SelfMotion(Picture):
 @explained
 @dataclass(frozen=True, kw_only=True)
 class Reach(Picture):
-    """A plane of positions at one orientation: reached, proved unreachable, or open; or a plane of a map."""
+    """A plane of positions, each reached or not at one orientation; or of a map."""
 
     name = "reach"
 
