@@ -8,7 +8,6 @@ import logging
 import os
 import secrets
 import sys
-import tempfile
 import time
 import webbrowser
 from collections.abc import Sequence
@@ -63,15 +62,8 @@ class View:
         from maira_qp.scale.reach.reach_map import ReachMap
 
         reach = ReachMap.open(self.map)
-        serve(
-            self.choice,
-            self.host,
-            self.port,
-            robot=reach.robot,
-            layers=[map_of(reach)],
-            token=self.token,
-            browser=self.browser,
-        )
+        layers = [map_of(reach)]
+        serve(reach.robot, self.host, self.port, layers=layers, token=self.token, browser=self.browser)
         return 0
 
 
@@ -82,16 +74,15 @@ def check_viser() -> None:
 
 
 def serve(
-    choice: RobotChoice,
+    choice: RobotChoice | Robot,
     host: str,
     port: int,
     *,
-    robot: Robot | None = None,
     layers: Sequence[Layer] = (),
     token: bool = False,
     browser: bool = True,
 ) -> None:
-    """Serve a robot until it is interrupted: that of the flags, or another one.
+    """Serve a robot until it is interrupted: one that flags choose, or as it is.
 
     Beyond this machine a token is asked for in any case; a browser is opened if there is a screen for it.
 
@@ -105,22 +96,17 @@ def serve(
     level = log.level
     log.setLevel(logging.ERROR)  # missing meshes are told in the page
     try:
-        with tempfile.TemporaryDirectory() as folder:
-            if robot is not None:
-                file = Path(folder) / f"{robot.name}.urdf"
-                file.write_text(robot.urdf, encoding="utf-8")
-                choice = RobotChoice(robot=str(file), tip=robot.tip, base=robot.base)
-            secret = secrets.token_urlsafe(16) if token or not _is_this_machine(host) else None
-            viewer = Viewer(choice, host, port, layers, secret)
-            sys.stdout.write(f"the viewer of {viewer.current.robot.name} is at {viewer.address} (Ctrl-C ends it)\n")
-            sys.stdout.flush()
-            if browser and _has_screen():
-                webbrowser.open(viewer.address)
-            try:
-                while True:
-                    time.sleep(3600)
-            finally:
-                viewer.close()
+        secret = secrets.token_urlsafe(16) if token or not _is_this_machine(host) else None
+        viewer = Viewer(choice, host, port, layers, secret)
+        sys.stdout.write(f"the viewer of {viewer.current.robot.name} is at {viewer.address} (Ctrl-C ends it)\n")
+        sys.stdout.flush()
+        if browser and _has_screen():
+            webbrowser.open(viewer.address)
+        try:
+            while True:
+                time.sleep(3600)
+        finally:
+            viewer.close()
     finally:
         log.setLevel(level)
 

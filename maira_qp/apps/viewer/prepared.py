@@ -57,6 +57,14 @@ def prepared(choice: RobotChoice, name: str | None = None, content: bytes | None
     return Prepared(Session(robot, robot.mesh_folders), geometry, choice, loaded, content)
 
 
+def prepared_robot(robot: Robot) -> Prepared:
+    """A session of a robot as it is, with its tools and limits."""
+    geometry = geometry_of(robot, robot.mesh_folders)
+    loaded = Loaded(robot.name, {tips_text(robot): None}, geometry.notes)
+    choice = RobotChoice(robot=f"{robot.name}.urdf", base=robot.base)
+    return Prepared(Session(robot, robot.mesh_folders), geometry, choice, loaded, robot.urdf.encode())
+
+
 def _tips(choice: RobotChoice, robot: Robot, links: tuple[str, ...]) -> dict[str, str | None]:
     """What may be the tip: what is now, the ones that the robot has by its name, and single links."""
     tips: dict[str, str | None] = {tips_text(robot): choice.tip}

@@ -21,11 +21,12 @@ from maira_qp.apps.viewer.drawing.layers import Layer
 from maira_qp.apps.viewer.drawing.scene import Scene
 from maira_qp.apps.viewer.loop import Loop
 from maira_qp.apps.viewer.panel.panel import Panel
-from maira_qp.apps.viewer.prepared import Prepared, prepared
+from maira_qp.apps.viewer.prepared import Prepared, prepared, prepared_robot
 from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.view import View
 from maira_qp.errors import MairaError, OptionError, PoseError
 from maira_qp.paths import from_csv
+from maira_qp.robots.model.robot import Robot
 
 log = logging.getLogger(__name__)
 
@@ -45,7 +46,7 @@ class Viewer:
 
     def __init__(
         self,
-        choice: RobotChoice,
+        choice: RobotChoice | Robot,
         host: str = "127.0.0.1",
         port: int = 8080,
         layers: Sequence[Layer] = (),
@@ -55,7 +56,7 @@ class Viewer:
 
         Raises `RobotError`, `FrameError`, `OptionError`, `OSError`.
         """
-        shown = prepared(choice)
+        shown = prepared_robot(choice) if isinstance(choice, Robot) else prepared(choice)
         self._token, self._server = token, start_server(host, port, token)
         self._told: tuple[str, float] = "", 0.0
         self._ticks = 0

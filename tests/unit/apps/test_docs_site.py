@@ -22,7 +22,10 @@ def test_the_reference_shows_what_is_public(name):
 
 
 def test_the_reference_shows_nothing_else():
-    assert {name for name in SHOWN - set(mq.__all__) if not name.startswith("integrations")} == {"apps.plots"}
+    assert {name for name in SHOWN - set(mq.__all__) if not name.startswith("integrations")} == {
+        "apps.plots",
+        "apps.notebook",
+    }
 
 
 def entries() -> Iterator[tuple[str, Callable, str]]:

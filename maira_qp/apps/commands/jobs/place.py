@@ -143,8 +143,7 @@ class Place:
         if self.view:
             from maira_qp.apps.viewer.drawing.layers import seen_from_base
 
-            other = None if self.map is None else robot
-            serve(self.choice, self.host, self.port, robot=other, layers=[seen_from_base(found)])
+            serve(self.choice if self.map is None else robot, self.host, self.port, layers=[seen_from_base(found)])
         return 0 if found else NOT_ALL
 
     def _reach(self) -> ReachMap | Robot:
