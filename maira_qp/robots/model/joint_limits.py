@@ -22,6 +22,8 @@ STEPS = 20
 """Of a walk, for each joint."""
 NEWTON = 50
 """Steps to an analytic centre."""
+FLAT = 1e-7
+"""Limits that leave no larger ball are flat: some of them hold as equations. What finds the ball is no more exact."""
 
 Limits = Mapping[str, tuple[float, float]]
 """Lower and upper limits by the names of joints, in place of those of a description."""
@@ -176,29 +178,64 @@ def drawn_within(
             return q
     n = len(joint_names)
     A, b = np.vstack([A, np.eye(n), -np.eye(n)]), np.concatenate([b, box[1], -box[0]])
-    centre, stretched = _analytic_centre(A, b, [limit.name for limit in sums])
-    q = centre
-    for _ in range(STEPS * n):
-        way = stretched @ rng.normal(size=n)
+    ball = _largest_ball(A, b)
+    if ball is None:
+        names = ", ".join(limit.name for limit in sums)
+        raise ConfigurationError(f"no configuration within the joint limits keeps those of the sums {names}")
+    q, free, loose = _directions(A, b, *ball)
+    if not free.size:
+        return np.clip(q, *box)
+    A, b = A[loose], b[loose]
+    y, axes = _analytic_centre(A @ free, b - A @ q)
+    q, stretched = q + free @ y, free @ axes
+    for _ in range(STEPS * len(y)):
+        way = stretched @ rng.normal(size=len(y))
         rates, left = A @ way, np.maximum(b - A @ q, 0.0)
         ends = np.divide(left, rates, out=np.full(len(left), np.inf), where=rates != 0.0)
         q = q + rng.uniform(ends[rates < 0].max(), ends[rates > 0].min()) * way
     return np.clip(q, *box)
 
 
-def _analytic_centre(A: np.ndarray, b: np.ndarray, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """The point (n,) in `A q <= b` with the largest product of distances, and the axes (n, n) of the ellipsoid there.
-
-    By Newton's method from the middle of the largest ball. Raises `ConfigurationError` if there is none.
-    """
+def _largest_ball(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, float] | None:
+    """Middle (n,) and radius of the largest ball in `A q <= b`; None if nothing is in there."""
     from scipy.optimize import linprog  # heavy
 
     n, sizes = A.shape[1], np.linalg.norm(A, axis=1, keepdims=True)
     bounds = [(None, None)] * n + [(0, None)]
     found = linprog([*np.zeros(n), -1.0], np.hstack([A, sizes]), b, bounds=bounds)
-    if found.x is None:
-        raise ConfigurationError(f"no configuration within the joint limits keeps those of the sums {', '.join(names)}")
-    q, H = found.x[:-1], np.eye(n)
+    return None if found.x is None else (found.x[:-1], float(found.x[-1]))
+
+
+def _directions(
+    A: np.ndarray, b: np.ndarray, q: np.ndarray, radius: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where `A q <= b` is flat, as sums with equal ends make it: a point (n,) of it, its directions (n, m), and which
+    rows (k,) have room.
+
+    Scaled up enough, each row that has room anywhere has 1 of it at one point, in one linear program (Freund, Roundy
+    and Todd, "Identifying the set of always-active constraints in a system of linear inequalities", 1985).
+    """
+    from scipy.linalg import null_space  # heavy
+    from scipy.optimize import linprog
+
+    (k, n), sizes = A.shape, np.linalg.norm(A, axis=1)
+    if radius > FLAT:
+        return q, np.eye(n), np.full(k, True)
+    A_scaled, b_scaled = A / sizes[:, None], b / sizes
+    rows = np.hstack([A_scaled, -b_scaled[:, None], np.eye(k)])
+    bounds = [(None, None)] * n + [(1.0, None)] + [(0.0, 1.0)] * k
+    found = linprog([*np.zeros(n + 1), *-np.ones(k)], rows, np.zeros(k), bounds=bounds)
+    loose = found.x[n + 1 :] > 0.5
+    q, tight = found.x[:n] / found.x[n], A_scaled[~loose]
+    q = q + np.linalg.lstsq(tight, b_scaled[~loose] - tight @ q, rcond=None)[0]
+    return q, null_space(tight), loose
+
+
+def _analytic_centre(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The point (n,) in `A q <= b`, which has room, with the largest product of distances, and the axes (n, n) of the
+    ellipsoid there: by Newton's method from the middle of the largest ball."""
+    ball = _largest_ball(A, b)
+    q, H = (np.zeros(A.shape[1]) if ball is None else ball[0]), np.eye(A.shape[1])
     for _ in range(NEWTON):
         scaled = A / np.maximum(b - A @ q, np.finfo(float).tiny)[:, None]
         H = scaled.T @ scaled

@@ -1,6 +1,7 @@
 """Limits of sums that a robot brings with it: every verb keeps them unasked, as MuJoCo's own constraints judge."""
 
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -127,6 +128,24 @@ def test_a_sum_that_nothing_keeps_is_refused_by_its_name(hand):
         robot.random_configuration(np.random.default_rng(0))
     with pytest.raises(OptionError, match="no configuration satisfies the limits together"):
         mq.Solver(robot)
+
+
+def test_flat_sums_are_drawn_from(hand, rng):
+    """With equal ends, where a corner of the box is all that is left, and where no joint has any room."""
+
+    def between(lower, upper):
+        ends = f'name="parallelogram" lower="{lower!r}" upper="{upper!r}"'
+        return mq.Robot.from_urdf(re.sub('name="parallelogram" lower="[^"]*" upper="[^"]*"', ends, hand.urdf), "grip")
+
+    robot = between(0.1, 0.1)
+    drawn = np.array([robot.random_configuration(rng) for _ in range(60)])
+    assert np.abs(drawn[:, 1] + drawn[:, 2] - 0.1).max() < 1e-9
+    assert (np.ptp(drawn, axis=0) > 0.6 * (robot.upper - robot.lower)).all()
+    assert max(HandJudge(HAND).broken(q) for q in drawn) < 1e-9
+    corner = hand.upper[[1, 2]]
+    np.testing.assert_allclose(between(float(corner.sum()), 9.0).random_configuration(rng)[[1, 2]], corner, atol=1e-9)
+    still = robot.limited(lower=np.full(6, 0.05), upper=np.full(6, 0.05))
+    np.testing.assert_allclose(still.random_configuration(rng), 0.05, atol=1e-9)
 
 
 def test_narrow_sums_are_drawn_from(rng):
