@@ -1,14 +1,19 @@
-"""Linear limits of the joints: of one's own, and those that come with a robot."""
+"""Linear limits of the joints: of one's own, and those that come with a robot.
+
+Where accelerations are limited a tick leaves room to stop, as it does at the limits of single joints.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
+
+import numpy as np
 
 from maira_qp.arrays import is_listing, real_array
 from maira_qp.errors import OptionError, shown
-from maira_qp.problem.limits.joint import KEPT, Limit, Tick
+from maira_qp.problem.limits.joint import KEPT, Limit, Tick, braking_displacement
 from maira_qp.problem.naming import check_name
 from maira_qp.robots.model.configuration import Configuration
 from maira_qp.robots.model.joint_limits import sum_rows
@@ -25,6 +30,8 @@ class LinearLimit(Limit):
     """What results call the m rows; None: "LinearLimit row 1" and so on."""
     name: str | None = field(default=None, kw_only=True)
     """What calls and messages call the limit by; None: "linear_limit"."""
+    _braking: Any = field(default=None, kw_only=True, repr=False, compare=False)
+    """How fast (m,) the least able joint of each row can slow it down [1/s^2]; None: at once"""
     is_linear: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
@@ -40,14 +47,32 @@ class LinearLimit(Limit):
             object.__setattr__(self, "names", names)
 
     def of(self, robot: Robot) -> LinearLimit:
-        """The same, with its columns counted."""
+        """The same, with its columns counted, and for the robot's accelerations."""
         if self.A.shape[1] != robot.n:
             raise OptionError(f"A of a LinearLimit needs {robot.n} columns, one a joint, not {self.A.shape[1]}")
-        return self
+        if np.isinf(robot.acceleration_limit).all():
+            return self
+        each = np.abs(self.A) * np.where(self.A != 0, robot.acceleration_limit, 0.0)
+        return replace(self, _braking=np.min(each, axis=1, where=self.A != 0, initial=np.inf))
 
     def rows(self, at: Configuration, tick: Tick | None) -> tuple[Any, Any]:
-        """What is left of b, negative where a row is broken."""
-        return self.A, self.b - self.A @ at.q
+        """What is left of b, negative where a row is broken; in a tick, what of it may be gone so that it can stop."""
+        room = self.b - self.A @ at.q
+        if tick is None or self._braking is None:
+            return self.A, room
+        return self.A, braking_displacement(room, self._braking * tick.dt**2, self.A @ tick.velocity * tick.dt)
+
+    def violations(self, at: Configuration) -> np.ndarray:
+        """By how much each row (m,) is broken by more than rounding; >= 0."""
+        return np.maximum(-self.rooms(at), 0.0)
+
+    def rooms(self, at: Configuration) -> np.ndarray:
+        """What is left of each row (m,), and of what rounding may take."""
+        return self.b - self.A @ at.q + KEPT
+
+    def parts(self, at: Configuration) -> np.ndarray:
+        """Each row is a part of its own (m,)."""
+        return np.arange(len(self.b))
 
     def broken(self, at: Configuration, name: str) -> dict[str, float]:
         """The rows that are broken, by their names, and by how much."""
@@ -64,4 +89,4 @@ def limits_of_robot(robot: Robot) -> tuple[LinearLimit, ...]:
     """The hard limits that a robot brings with it beside those of single joints: one, or none."""
     if not robot.sum_limits:
         return ()
-    return (LinearLimit(*sum_rows(robot.sum_limits, robot.joint_names), name="sum_limits"),)
+    return (LinearLimit(*sum_rows(robot.sum_limits, robot.joint_names), name="sum_limits").of(robot),)

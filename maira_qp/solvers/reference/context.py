@@ -108,12 +108,19 @@ class Context:
     @cached_property
     def _bent(self) -> tuple[Limit, ...]:
         """Limits that are known by their rows to first order only."""
-        return tuple(
-            limit
-            for limit in self.further
-            if not limit.is_linear
-            and (type(limit).rows is not Limit.rows or type(limit).violation is not Limit.violation)
-        )
+        return tuple(limit for limit in self.further if _is_bent(limit))
+
+    @cached_property
+    def _watched(self) -> tuple[Limit, ...]:
+        """Limits that the rows of a tick alone do not keep: bent ones, and, where joints cannot stop at once, all."""
+        if np.isinf(self.robot.acceleration_limit).all():
+            return self._bent
+        return tuple(limit for limit in self.further if limit.is_linear or _is_bent(limit))
+
+    @property
+    def is_watched(self) -> bool:
+        """A tick must look at limits, where it leads to and while the arm brakes from there."""
+        return bool(self._watched)
 
     @cached_property
     def _paced(self) -> tuple[Limit, ...]:
@@ -158,18 +165,19 @@ class Context:
         return max((limit.violation(at) for limit in self._bent), default=0.0)
 
     def violations(self, at: Configuration) -> np.ndarray:
-        """By how much a configuration breaks each part of them (k,); >= 0."""
-        return np.concatenate([limit.violations(at) for limit in self._bent])
+        """By how much a configuration breaks each part (k,) of the limits that a tick must look at; >= 0."""
+        return np.concatenate([limit.violations(at) for limit in self._watched])
 
     def rooms(self, at: Configuration) -> np.ndarray:
         """What is left of each part of them (k,), negative where it is broken; inf where none is near."""
-        return np.concatenate([limit.rooms(at) for limit in self._bent])
+        return np.concatenate([limit.rooms(at) for limit in self._watched])
 
     def rows_within(self, at: Configuration, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """G (m, n) and h (m,) that keep each part of them broken by at most what is `allowed` (k,), to first order."""
+        """G (m, n) and h (m,) of bent limits that keep each part (k,) broken by at most what is `allowed` (k,), to first
+        order; parts of linear limits are among the k, and have no rows."""
         G, h, start = [np.empty((0, at.n))], [np.empty(0)], 0
-        for limit in self._bent:
-            if (rows := limit.rows(at, None)) is not None:
+        for limit in self._watched:
+            if not limit.is_linear and (rows := limit.rows(at, None)) is not None:
                 G.append(rows[0])
                 h.append(rows[1] + allowed[start + limit.parts(at)])
             start += len(limit.violations(at))
@@ -316,6 +324,12 @@ class Context:
         level = Level(mu * np.eye(at.n), np.zeros(at.n), np.empty((0, at.n)), wishes=(G, h))
         dq = solve_hierarchy([level], bounds, self.backend)
         return None if dq is None else self.moved(at, dq)
+
+
+def _is_bent(limit: Limit) -> bool:
+    """Whether a limit is known by its rows to first order only."""
+    kind = type(limit)
+    return not limit.is_linear and (kind.rows is not Limit.rows or kind.violation is not Limit.violation)
 
 
 def _half_squares(h: np.ndarray) -> float:

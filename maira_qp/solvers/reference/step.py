@@ -253,7 +253,7 @@ def keeps_further_limits(
             return False
         if rows is not None and (is_near(rows, step).any() or not (rows[0] @ dq <= rows[1]).all()):
             return False
-    return not context.is_bent or any(
+    return not context.is_watched or any(
         not broken.any() for broken in violations_ahead(context.robot.at(ahead), dq, context, now)
     )
 
@@ -398,7 +398,7 @@ def _safe(
     dq, solved, kept = bounds.rest, bounds.rest, np.empty(0)
     there = at.moved(dq) if dq.any() else at
     broken, most_loss = None, math.inf if now is None else 1.0
-    if context.is_bent and now is not None:
+    if context.is_watched and now is not None:
         broken = np.maximum(context.violations(at), min(violations_ahead(there, dq, context, now), key=np.sum))
     fastest = 0.0 if now is None else max(1.0, context.pace(at, dq, now))
     for k, displacement in enumerate(displacements):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -24,14 +25,12 @@ def violations_ahead(at: Configuration, dq: np.ndarray, context: Context, now: T
 
     First if each joint brakes as hard as it can, then if all slow down together, in a straight line of joint space: a
     pair of bodies that one joint drives together and another apart does not come nearer if both slow down alike. So a
-    tick that is allowed leaves a way to stop that is allowed, and one of these is always there to be chosen next.
+    tick that is allowed leaves a way to stop that is allowed, and one of these is always there to be chosen next. The
+    straight line is looked at as far as continuous braking leads, which is farther than ticks of any length do.
     """
     change, size = context.robot.acceleration_limit * now.dt**2, np.abs(dq)
     stop = size / change  # in ticks
-    ticks, whole = int(np.max(stop, initial=0.0)), np.floor(stop)
-    if ticks == 0:
-        yield context.violations(at)
-        return
+    longest, whole = float(np.max(stop, initial=0.0)), np.floor(stop)
     change = np.where(whole > 0, change, 0.0)
 
     def apart(tick: int) -> np.ndarray:
@@ -39,11 +38,12 @@ def violations_ahead(at: Configuration, dq: np.ndarray, context: Context, now: T
         return np.sign(dq) * np.where(k > 0, k * (size - 0.5 * change * (k + 1)), 0.0)
 
     def together(tick: int) -> np.ndarray:
-        return dq * (tick - tick * (tick + 1) / (2 * np.max(stop)))
+        k = min(tick, longest)
+        return dq * (k - k * k / (2 * longest))
 
-    yield _violations_along(apart, {ticks, *whole[whole > 0].astype(int).tolist()}, at, context)
-    q = context.robot.kinematics.integrate(at.q, together(ticks))
-    if (context.robot.lower <= q).all() and (q <= context.robot.upper).all():
+    yield _violations_along(apart, {0, *whole.astype(int).tolist()}, at, context)
+    q, ticks = context.robot.kinematics.integrate(at.q, 0.5 * longest * dq), math.ceil(longest)
+    if ticks > 0 and (context.robot.lower <= q).all() and (q <= context.robot.upper).all():
         yield _violations_along(together, {ticks}, at, context)
 
 
@@ -65,19 +65,22 @@ def _violations_along(
 
 
 def _between(ticks: np.ndarray, rooms: np.ndarray) -> Iterator[int]:
-    """The ticks halfway to the neighbours of the one with the least room, of rooms (t, k) at ticks (t,).
+    """The ticks halfway to the neighbours of those with the least room around, of rooms (t, k) at ticks (t,).
 
-    For each part whose least room is smaller than `DOUBT` times the difference of what it changes by before and after.
+    There may be several for each part: joints that stop at different times bend the way more than once. Those count
+    whose room is smaller than `DOUBT` times the largest difference around of what it changes by before and after.
     """
     if len(ticks) < 3:
         return
     rooms = np.minimum(rooms, np.max(rooms, where=np.isfinite(rooms), initial=0.0))
-    least, most = np.argmin(rooms, axis=0), rooms.min(axis=0)
-    middle, each = np.clip(least, 1, len(ticks) - 2), np.arange(rooms.shape[1])
-    before, after = np.diff(ticks)[middle - 1], np.diff(ticks)[middle]
-    change = np.diff(rooms, axis=0)
-    uneven = np.abs(change[middle, each] / after - change[middle - 1, each] / before) * np.maximum(before, after)
-    for i in set(least[(most > 0) & (most < DOUBT * uneven)]):
+    around, steps = np.pad(rooms, ((1, 1), (0, 0)), constant_values=np.inf), np.diff(ticks)
+    least = (rooms <= around[:-2]) & (rooms <= around[2:]) & (rooms.min(axis=0) > 0)
+    bends = np.abs(np.diff(np.diff(rooms, axis=0) / steps[:, None], axis=0))
+    near = np.pad(bends, ((1, 1), (0, 0)))
+    near = np.maximum(np.maximum(near[:-2], bends), near[2:])  # at each tick between others, and at its neighbours
+    uneven = np.pad(near, ((1, 1), (0, 0)), mode="edge")
+    uneven *= np.maximum(np.append(steps[0], steps), np.append(steps, steps[-1]))[:, None]
+    for i in np.flatnonzero((least & (rooms < DOUBT * uneven)).any(axis=1)):
         for k in {max(i - 1, 0), min(i, len(ticks) - 2)}:
             if ticks[k + 1] - ticks[k] > 1:
                 yield int(ticks[k] + ticks[k + 1]) // 2
@@ -89,17 +92,17 @@ def with_a_way_to_stop(bounds: Bounds, at: Configuration, context: Context, now:
     The last tick was allowed because one of them breaks none, which linearised limits do not know. In the second place
     counts the pace that limits on speeds allow: joints whose motions cancel at the tool brake together.
     """
-    has_choice = context.is_bent or context.is_paced
+    has_choice = context.is_watched or context.is_paced
     if not has_choice or not now.velocity.any() or not np.isfinite(context.robot.acceleration_limit).any():
         return bounds
     ways = [bounds.rest, np.clip(0.0, bounds.lower, bounds.upper)]
     if bounds.braking is None and (together := slowed_together(bounds, now.velocity * now.dt)) is not None:
         ways.append(together)
 
-    here = context.violations(at) if context.is_bent else np.empty(0)
+    here = context.violations(at) if context.is_watched else np.empty(0)
 
     def harm(way: np.ndarray) -> tuple[float, float]:
-        ends = violations_ahead(at.moved(way), way, context, now) if context.is_bent else ()
+        ends = violations_ahead(at.moved(way), way, context, now) if context.is_watched else ()
         growth = min((float(np.maximum(ahead - here, 0.0).sum()) for ahead in ends), default=0.0)
         return growth, max(1.0, context.pace(at, way, now))
 

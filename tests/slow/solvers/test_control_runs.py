@@ -329,3 +329,23 @@ def test_no_pair_comes_nearer_behind_one_that_is_deeper(acceleration, seed, tick
         now = watch.scene.contacts(run.q, np.inf).distances
         assert (now >= np.minimum(before, 0.05) - 1e-9).all()
         before = now
+
+
+@pytest.mark.parametrize(("acceleration", "dt", "seed"), [(20.0, 0.005, 2), (3.0, 0.02, 3), (0.5, 0.05, 4)])
+def test_joints_stop_before_limits_of_sums(acceleration, dt, seed):
+    """However fast targets jump: with limited accelerations a row that is kept at every tick needs room to stop."""
+    rng, A, b = np.random.default_rng(seed), np.zeros((4, 7)), np.array([0.8, 1.0, 0.5, 0.5])
+    A[0, [1, 3]], A[1, [1, 3]], A[2, [0, 2, 4]], A[3, [0, 2, 4]] = 1.0, -1.0, [1, -1, 0.5], [-1, 1, -0.5]
+    robot = mq.Robot.maira().limited(acceleration=acceleration)
+    solver = mq.Solver(robot, limits=[mq.LinearLimit(A, b)])
+    drawn = (robot.random_configuration(rng) for _ in range(1000))
+    q, v, worst, nearest = next(q for q in drawn if (A @ q < b).all()), np.zeros(7), -np.inf, np.inf
+    for k in range(120):
+        if k % 30 == 0:
+            target = robot.forward(robot.random_configuration(rng))
+        t = solver.step(q, target, dt=dt, velocity=v)
+        assert (np.abs(t.velocity - v) <= acceleration * dt * (1 + 1e-9)).all()
+        q, v = t.q, t.velocity
+        worst, nearest = max(worst, (A @ q - b).max()), min(nearest, (b - A @ q).min())
+    assert worst <= 1e-9
+    assert nearest < 0.05  # the limits matter
