@@ -173,7 +173,7 @@ class Context:
         return np.concatenate([limit.rooms(at) for limit in self._watched])
 
     def rows_within(self, at: Configuration, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """G (m, n) and h (m,) of bent limits that keep each part (k,) broken by at most what is `allowed` (k,), to first
+        """G (m, n) and h (m,) of bent limits that keep each part (k,) broken by at most what is `allowed`, to first
         order; parts of linear limits are among the k, and have no rows."""
         G, h, start = [np.empty((0, at.n))], [np.empty(0)], 0
         for limit in self._watched:
