@@ -201,8 +201,11 @@ class Limit:
         return found or ({name: violation} if (violation := self.violation(at)) > KEPT else {})
 
     def violations(self, at: Configuration) -> np.ndarray:
-        """The same for each part of the limit (k,), at all configurations as many: a tick lets none grow."""
-        return np.array([self.violation(at)])
+        """The same for each part of the limit (k,), at all configurations as many: a tick lets none grow.
+
+        Of a linear limit without what is rounding, as there no reserve keeps it off.
+        """
+        return np.array([max(0.0, self.violation(at) - (KEPT if self.is_linear else 0.0))])
 
     def rooms(self, at: Configuration) -> np.ndarray:
         """What is left of each of these parts (k,), negative where it is broken; inf where no row is about it."""

@@ -31,7 +31,7 @@ class LinearLimit(Limit):
     name: str | None = field(default=None, kw_only=True)
     """What calls and messages call the limit by; None: "linear_limit"."""
     _braking: Any = field(default=None, kw_only=True, repr=False, compare=False)
-    """How fast (m,) the least able joint of each row can slow it down [1/s^2]; None: at once"""
+    """How fast (m,) all joints of each row together can slow it down [1/s^2]; None: at once"""
     is_linear: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
@@ -52,8 +52,8 @@ class LinearLimit(Limit):
             raise OptionError(f"A of a LinearLimit needs {robot.n} columns, one a joint, not {self.A.shape[1]}")
         if np.isinf(robot.acceleration_limit).all():
             return self
-        each = np.abs(self.A) * np.where(self.A != 0, robot.acceleration_limit, 0.0)
-        return replace(self, _braking=np.min(each, axis=1, where=self.A != 0, initial=np.inf))
+        together = (np.abs(self.A) * np.where(self.A != 0, robot.acceleration_limit, 0.0)).sum(axis=1)
+        return replace(self, _braking=np.where(together > 0, together, np.inf))
 
     def rows(self, at: Configuration, tick: Tick | None) -> tuple[Any, Any]:
         """What is left of b, negative where a row is broken; in a tick, what of it may be gone so that it can stop."""
