@@ -19,6 +19,7 @@ from maira_qp.arrays import is_native
 from maira_qp.errors import BackendError, listed, shown
 from maira_qp.problem.box import SCOPE
 from maira_qp.problem.limits.joint import Tick
+from maira_qp.problem.limits.linear import LinearLimit
 from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.backends import Backend, available
 from maira_qp.problem.qp.costs import TaskCost
@@ -480,6 +481,10 @@ class Engines:
         for limit in self.problem.additional_limits:
             if limit.target_key is not None:
                 return _one_for_all(self.problem, limit)
+            if isinstance(limit, LinearLimit) and limit.has_equation:
+                return (
+                    f"its {limit.key!r} holds a sum of joints at one value, which along paths mimic joints do"
+                )
         return f"{self.refusal}{hint(self.problem)}" if self.following is None else ""
 
     def track(

@@ -62,6 +62,15 @@ class LinearLimit(Limit):
             return self.A, room
         return self.A, braking_displacement(room, self._braking * tick.dt**2, self.A @ tick.velocity * tick.dt)
 
+    @property
+    def has_equation(self) -> bool:
+        """Two rows together leave a sum of joints no more than rounding."""
+        size = np.abs(self.A).max(axis=1, initial=0.0)
+        is_row = size > 0
+        A, b = self.A[is_row] / size[is_row, None], self.b[is_row] / size[is_row]
+        opposite = (np.abs(A[:, None] + A) <= KEPT).all(axis=2)
+        return bool((opposite & (b[:, None] + b <= 2 * KEPT)).any())
+
     def violations(self, at: Configuration) -> np.ndarray:
         """By how much each row (m,) is broken by more than rounding; >= 0."""
         return np.maximum(-self.rooms(at), 0.0)

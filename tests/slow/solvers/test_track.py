@@ -321,6 +321,10 @@ def test_problems_that_are_not_taken_are_named():
     free = mq.Solver(robot, task=mq.PoseTask(orientation_weight=[1, 1, 0], axes="base"))
     with pytest.raises(OptionError, match=r'turn about one of its own axes is PoseTask.*axes="target"'):
         free.track([robot.forward(robot.middle)] * 2)
+    row = np.array([0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    equal = mq.Solver(robot, limits=[mq.LinearLimit([row, -2 * row], [0.3, -0.6], name="parallelogram")])
+    with pytest.raises(OptionError, match="'parallelogram' holds a sum of joints at one value"):
+        equal.track([robot.forward(robot.middle)] * 2)
 
 
 @pytest.mark.parametrize("seed", [0, 3, 5])
