@@ -482,9 +482,7 @@ class Engines:
             if limit.target_key is not None:
                 return _one_for_all(self.problem, limit)
             if isinstance(limit, LinearLimit) and limit.has_equation:
-                return (
-                    f"its {limit.key!r} holds a sum of joints at one value, which along paths mimic joints do"
-                )
+                return f"its {limit.key!r} holds a sum of joints at one value, which along paths mimic joints do"
         return f"{self.refusal}{hint(self.problem)}" if self.following is None else ""
 
     def track(

@@ -9,8 +9,9 @@ finer; where the knots were too coarse, every pose is one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -47,9 +48,10 @@ CLOSINGS = 4
 """Lines that end where they begin of which it is tried whether they lead along the path."""
 NEARLY_CLOSED = 1e-3
 """A loop whose ends are no further apart [rad or m], two descents to one pose, ends with its beginning."""
-CALM, NARROWER = 4.0, 0.5
+CALM, NARROWER, CLOSE = 4.0, (0.5, 0.7), 30
 """A line whose largest step is at most so many times the mean step is not sought again: with steps smaller than its
-largest by this factor, which one large step in the place of many small ones is not, and in finer layers."""
+largest by such factors, which one large step in the place of many small ones is not, in finer layers, and in the end in
+layers at all of so many poses on either side of that step."""
 KNOTS_DONE, ALONE_DONE, PARTS_DONE = 0.4, 0.6, 0.9
 """Shares of the work that are done with the knots, the poses by themselves and the parts, as a rule of thumb."""
 
@@ -83,13 +85,13 @@ def _track(
     rng, first = np.random.default_rng(seed), None
     if start is not None and count:
         first = following.solve(targets.poses(0), start, SEED_0)
-    by_knots = _followed_by_knots(following, path, targets, first, seed, rules.loop, rng, meter)
+    by_knots, is_broken = _followed_by_knots(following, path, targets, first, seed, rules.loop, rng, meter)
     if by_knots is not None:
         solution = _judged(engines, path, by_knots, rules)
         if solution.success.all() and not solution.failures:
             return solution
     q, reached = _alone(following, targets, first, np.arange(count), seed, meter.stage(KNOTS_DONE, ALONE_DONE))
-    parts_done, densities = meter.stage(ALONE_DONE, PARTS_DONE), DENSITIES if by_knots is None else DENSITIES[-1:]
+    parts_done, densities = meter.stage(ALONE_DONE, PARTS_DONE), DENSITIES[-1:] if is_broken else DENSITIES
     for begin, end in runs(reached):
         parts_done(begin, count)
         part, is_start_given = path.some(slice(begin, end)), begin == 0 and first is not None
@@ -163,18 +165,22 @@ def _followed_by_knots(
     is_loop: bool,
     rng: np.random.Generator,
     meter: Meter,
-) -> np.ndarray | None:
-    """A line (N, n) that is sought at knots alone; None: they are as many as the poses, or not all are reached."""
+) -> tuple[np.ndarray | None, bool]:
+    """A line (N, n) that is sought at knots alone, and whether none was found that does not jump between these.
+
+    None: they are as many as the poses, or not all are reached.
+    """
     knots = layer_indices(path, KNOTS)
     if 2 * len(knots) > len(path):
-        return None
+        return None, False
     known, reached = _alone(engines, targets, start, knots, seed, meter.stage(0.0, 0.5 * KNOTS_DONE))
     if not reached.all():
-        return None
-    line = follow(path.some(knots), known, start is not None, is_loop, rng)
+        return None, False
+    some = path.some(knots)
+    line = follow(some, known, start is not None, is_loop, rng)
     meter.reach(KNOTS_DONE)
     q, arrived = filled(path, knots, line, CubicSpline)
-    return q if arrived.all() else filled(path, knots, line)[0]
+    return q if arrived.all() else filled(path, knots, line)[0], _breaks(some, line) > 0
 
 
 def _reached(path: PathArrays, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -237,15 +243,16 @@ def follow(
             best, least = _smoother(path, best, q, fixed)
             if least <= 1.0:
                 break
-        while best is not None and not _is_calm(path, best):
-            q, before = line(replace(path, window=NARROWER * least * path.window), at, layers, is_start_given), least
-            best, least = _smoother(path, best, q, fixed)
-            if not least < before:
-                break
-        if best is not None and least <= 1.0 and _is_calm(path, best):
+        if best is not None:
+            best, least = _calmed(path, best, fixed, partial(line, at=at, layers=layers, is_start_given=is_start_given))
+            if least <= 1.0 and _is_calm(path, best):
+                return best
+    if best is not None:
+        at = _with_all_about(at, path, int(path.largest_steps(best).argmax()))
+        layers = layers_of(path, at, nodes, is_start_given, densities[-1], rng)
+        best, least = _calmed(path, best, fixed, partial(line, at=at, layers=layers, is_start_given=is_start_given))
+        if least <= 1.0:
             return best
-    if best is not None and least <= 1.0:
-        return best
     broken_up = _with_reconfigurations(path, known, at, layers, is_start_given)
     return broken_up if best is None or _breaks(path, broken_up) < _breaks(path, best) else best
 
@@ -258,6 +265,31 @@ def _smoother(
     known = [(float(path.largest_steps(each).max()), each) for each in (best, q) if each is not None]
     least, one = min(known, key=lambda each: each[0], default=(np.inf, None))
     return one, least
+
+
+def _calmed(
+    path: PathArrays,
+    best: np.ndarray,
+    fixed: tuple[bool, bool],
+    line: Callable[[PathArrays], np.ndarray | None],
+) -> tuple[np.ndarray, float]:
+    """A line (N, n), or one with smaller steps while it has a step much larger than others; and its largest step."""
+    while not _is_calm(path, best):
+        largest = float(path.largest_steps(best).max())
+        for times in NARROWER:
+            q = line(replace(path, window=times * largest * path.window))
+            q = None if q is None else smoothed(path, q, fixed)
+            if q is not None and path.largest_steps(q).max() < largest:
+                best = q
+                break
+        else:
+            break
+    return best, float(path.largest_steps(best).max())
+
+
+def _with_all_about(at: np.ndarray, path: PathArrays, step: int) -> np.ndarray:
+    """Indices (L,) of layers, and those of all poses about a step."""
+    return np.union1d(at, np.arange(max(step + 1 - CLOSE, 0), min(step + 1 + CLOSE, len(path))))
 
 
 def _is_calm(path: PathArrays, q: np.ndarray) -> bool:

@@ -222,6 +222,17 @@ def test_no_large_step_stands_in_the_place_of_many_small_ones():
     assert p.max_joint_step < 3 * largest_step(motion)
 
 
+@pytest.mark.parametrize("name", ["maira", "iiwa14"])
+def test_a_line_does_not_begin_with_a_step_past_a_singular_configuration(name):
+    """Which is all that finer layers find; between layers at all poses about it no such step has room."""
+    robot, rng, u = mq.Robot.load(name), np.random.default_rng((1000, 14)), np.linspace(0, 1, 200)[:, None]
+    a, b, c, d = rng.uniform(robot.lower, robot.upper, size=(4, 7))
+    motion = (1 - u) ** 3 * a + 3 * u * (1 - u) ** 2 * b + 3 * u**2 * (1 - u) * c + u**3 * d
+    p = mq.Solver(robot).track([robot.forward(q) for q in motion], motion[0])
+    assert p
+    assert p.max_joint_step < 3 * largest_step(motion)
+
+
 def test_the_same_call_gives_the_same_path(rng):
     robot = mq.Robot.maira()
     targets = poses_along(robot, smooth_motion(robot, rng, 40))
