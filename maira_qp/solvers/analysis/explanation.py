@@ -276,7 +276,8 @@ class _Question:
             options=replace(options, deadline=None),
         )
         (key,) = {task.key for task in problem.tasks}
-        found = self.resolve(problem, {**self.poses, key: target}, self.q)
+        aims = {**self.poses, key: target}
+        found = self.resolve(problem, {each: aims[each] for each in problem.target_keys}, self.q)
         if found.success:
             return 0.0, False
         straight = _is_straight(robot.at(found.q), task, target.translation, robot.moved_links)
