@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import io
-import signal
 import sys
-import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, Union, get_args
 
 import tyro
@@ -31,6 +29,7 @@ from maira_qp.apps.commands.solve import Solve
 from maira_qp.apps.commands.track import Track
 from maira_qp.apps.commands.urdf import Urdf
 from maira_qp.apps.commands.view import View
+from maira_qp.apps.interrupts import Terminated, interruptible
 from maira_qp.apps.left_pipes import drop_output, reader_may_leave, replace_closed_streams
 from maira_qp.apps.overview import print_details, print_overview
 from maira_qp.errors import MairaError, OptionError, listed
@@ -67,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     replace_closed_streams()
     code = 0 if HELP & set(arguments) else PIPE_CLOSED
     try:
-        with _terminable():
+        with interruptible():
             code = _run(arguments)
             sys.stdout.flush()
         return code
@@ -80,29 +79,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("maira-qp: interrupted", file=sys.stderr)  # noqa: T201
         return INTERRUPTED
-
-
-class Terminated(KeyboardInterrupt):
-    """A signal that ends the process, as Ctrl-C does: files that were begun are removed."""
-
-    code = 128 + signal.SIGTERM
-
-
-@contextlib.contextmanager
-def _terminable() -> Iterator[None]:
-    """SIGTERM is heard as `Terminated`, where this thread is the one that may listen."""
-
-    def end(*_: object) -> None:
-        raise Terminated
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, end)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _run(arguments: list[str]) -> int:

@@ -282,8 +282,8 @@ class Engines:
     @cached_property
     def reference(self) -> ReferenceEngine:
         """Solves every problem, with the compiled engine where that helps."""
-        compiled = self.compiled
-        return ReferenceEngine(self.context, None if self.refusal else compiled, compiled if self.refusal else None)
+        searching, screening = (None, self.compiled) if self.refusal else (self.compiled, None)
+        return ReferenceEngine(self.context, searching, screening, self.of_tip.problem)
 
     @cached_property
     def tick_refusal(self) -> str:

@@ -1,7 +1,7 @@
 """What keeps a session going: a thread that ticks at 60 Hz, and two that do its jobs beside it.
 
 Whoever wants something of the session leaves it in the mailbox, from any thread and without waiting; it is done before
-the next tick. Of what is left under one key the latest counts.
+the next tick. Of what is left under one key the latest counts, of what has no key all.
 """
 
 from __future__ import annotations
@@ -26,16 +26,21 @@ LONGEST = 0.1
 
 
 class Mailbox:
-    """What is to be done, the latest of each key, in the order in which the keys came."""
+    """What is to be done, of each key the latest, in the order in which the keys came."""
 
     def __init__(self) -> None:
-        self._actions: dict[str, Callable[[Session], None]] = {}
+        self._actions: dict[object, Callable[[Session], None]] = {}
         self._lock = threading.Lock()
 
     def put(self, key: str, action: Callable[[Session], None]) -> None:
         """Instead of what was there under the key."""
         with self._lock:
             self._actions[key] = action
+
+    def add(self, action: Callable[[Session], None]) -> None:
+        """Beside all that is there."""
+        with self._lock:
+            self._actions[object()] = action
 
     def take(self) -> list[Callable[[Session], None]]:
         """All of it; the mailbox is empty then."""

@@ -16,7 +16,7 @@ import viser
 
 from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.apps.viewer.access import start_server
-from maira_qp.apps.viewer.drawing.camera import Ball
+from maira_qp.apps.viewer.drawing.camera import Ball, Stand
 from maira_qp.apps.viewer.drawing.layers import Layer
 from maira_qp.apps.viewer.drawing.scene import Scene
 from maira_qp.apps.viewer.loop import Loop
@@ -59,12 +59,14 @@ class Viewer:
         shown = prepared_robot(choice) if isinstance(choice, Robot) else prepared(choice)
         self._token, self._server = token, start_server(host, port, token)
         self._told: tuple[str, float] = "", 0.0
+        self._stands: dict[int, Stand] = {}
         self._ticks = 0
         self._loop = Loop(shown.session, self._show, self._failed)
         self._present(shown)
         for layer in layers:
             layer(self._server, self)
-        self._server.on_client_connect(lambda client: self._ball.frame(client.camera, client.camera.aspect))
+        self._server.on_client_connect(self._connected)
+        self._server.on_client_disconnect(self._disconnected)
         self._loop.start()
 
     @property
@@ -100,6 +102,10 @@ class Viewer:
     def session(self, key: str, action: Callable[[Session], None]) -> None:
         """Do this before the next tick, unless something else comes under the same key."""
         self._loop.mailbox.put(key, action)
+
+    def each(self, action: Callable[[Session], None]) -> None:
+        """Do this before the next tick, whatever else comes."""
+        self._loop.mailbox.add(action)
 
     def target_moved(self, tip: str, T: np.ndarray) -> None:
         """The target of a tip was dragged to a pose (4, 4)."""
@@ -169,6 +175,12 @@ class Viewer:
 
     # What the loop shows
 
+    def _connected(self, client: viser.ClientHandle) -> None:
+        self._stands[client.client_id] = Stand(client.camera, self._ball)
+
+    def _disconnected(self, client: viser.ClientHandle) -> None:
+        self._stands.pop(client.client_id, None)
+
     def _replace(self, shown: Prepared) -> None:
         def replace(_: Session) -> None:
             self._loop.session = shown.session
@@ -191,8 +203,8 @@ class Viewer:
             self._panel = Panel(self._server.gui, session, shown.loaded, self)
             self._ball = Ball(session.robot, session.q, shown.geometry.bodies)
             self._ball.frame(self._server.initial_camera)
-            for client in self._server.get_clients().values():
-                self._ball.frame(client.camera, client.camera.aspect)
+            for stand in list(self._stands.values()):
+                stand.see(self._ball)
 
     def _show(self, session: Session, view: View) -> None:
         with self._server.atomic():

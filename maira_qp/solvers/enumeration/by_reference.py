@@ -109,7 +109,7 @@ class ReferenceEnumeration:
         return np.array([random_start(self._cost, self.context, self._rng, budget).q for _ in range(count)])
 
     def _reached(self, at: Configuration) -> bool:
-        return ReferenceEngine(self.context, None, None).reached(self._cost)(at)
+        return ReferenceEngine(self.context).reached(self._cost)(at)
 
     def _arrivals(self, starts: np.ndarray) -> np.ndarray:
         """Where starts (N, n) lead, (N, n); NaN for those that lead nowhere."""
@@ -117,7 +117,7 @@ class ReferenceEnumeration:
 
     def _arrival(self, start: np.ndarray) -> np.ndarray:
         context, budget, nowhere = self._exact, Budget(None), np.full(len(start), np.nan)
-        exactly = ReferenceEngine(context, None, None).reached(self._cost)
+        exactly = ReferenceEngine(context).reached(self._cost)
         begin = context.robot.at(context.admitted(start))
         at = attempt_from(begin, self._cost, context, budget, exactly).at
         if not self._reached(at):

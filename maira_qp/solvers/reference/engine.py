@@ -54,10 +54,12 @@ class ReferenceEngine:
     """The context of a problem, and the compiled engine where it helps."""
 
     context: Context
-    compiled: Compiled | None
+    compiled: Compiled | None = None
     """Searches in compiled code, where it can"""
-    screening: Compiled | None
+    screening: Compiled | None = None
     """Knows all but the further limits, where that is what is missing"""
+    of_tip: Problem | None = None
+    """The same problem with an offset as a tool; None: it has no offset"""
 
     @property
     def problem(self) -> Problem:
@@ -166,7 +168,7 @@ class ReferenceEngine:
     def _proofs(self) -> Proofs | None:
         from maira_qp.solvers.certificates import Proofs  # heavy: Numba comes with it
 
-        return Proofs.build(self.problem) if self.compiled is None else self.compiled.proofs
+        return Proofs.build(self.of_tip or self.problem) if self.compiled is None else self.compiled.proofs
 
     def _is_hopeless(self, poses: Poses) -> bool:
         """It is proved that the target cannot be reached."""

@@ -30,6 +30,16 @@ def test_the_latest_of_each_key_counts_in_the_order_in_which_the_keys_came():
     assert mailbox.take() == []
 
 
+def test_of_what_has_no_key_all_counts_in_the_order_in_which_it_came():
+    mailbox, done = Mailbox(), []
+    for value in range(3):
+        mailbox.add(lambda _, value=value: done.append(value))
+        mailbox.put("key", lambda _: done.append("latest"))
+    for action in mailbox.take():
+        action(None)
+    assert done == [0, "latest", 1, 2]
+
+
 def test_a_helper_does_one_job_at_a_time_and_writes_in_the_thread_that_asks():
     helper, gate, threads = Helper("helper"), threading.Event(), []
     jobs = [Job(lambda: gate.wait(20) and threading.get_ident(), threads.append) for _ in range(2)]

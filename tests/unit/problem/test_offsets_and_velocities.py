@@ -104,6 +104,16 @@ def test_an_offset_of_the_tip_is_that_of_a_tool_in_every_verb(maira, name, rng):
     assert p.success.any()
 
 
+@pytest.mark.parametrize(
+    "options", [{"backend": "daqp"}, {"limits": [mq.HalfSpaceLimit(normal=[0, 0, -1], point=[0, 0, 9.0])]}]
+)
+def test_what_is_proved_of_a_tool_is_proved_of_an_offset(maira, options):
+    far = pin.SE3(np.eye(3), np.array([4.0, 0.0, 0.5]))
+    of_tool = mq.Solver(maira.with_tool(OFFSET), **options).solve(far)
+    of_offset = mq.Solver(maira, task=mq.PoseTask(offset=OFFSET), **options).solve(far)
+    assert of_offset.status == of_tool.status == mq.Status.UNREACHABLE
+
+
 @pytest.mark.parametrize("acceleration", [None, 8.0])
 @pytest.mark.parametrize("label", OFFSET_TASKS)
 def test_compiled_ticks_are_those_of_the_reference(maira, label, acceleration):

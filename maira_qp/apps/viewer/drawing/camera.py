@@ -18,6 +18,8 @@ LOWERED = 0.5
 """How far a tall picture is looked at below the middle of the arm, in halves of its height."""
 ROOM = 1.15
 """How much larger the ball that is seen whole is than the arm."""
+UNMOVED = 1e-3
+"""A camera this near [m] to where it was put was not moved by anybody."""
 
 
 class Ball:
@@ -42,6 +44,39 @@ class Ball:
         lowered = LOWERED * away * np.tan(0.5 * FIELD) * up / np.linalg.norm(up) if aspect < TALL else np.zeros(3)
         camera.position = self.middle + away * back - lowered
         camera.look_at, camera.fov = self.middle - lowered, float(FIELD)
+
+
+class Stand:
+    """The camera of one page: put where the arm is seen, also when the page changes its shape, until somebody moves it.
+
+    A page tells its shape more than once while it is laid out, and a camera that it tells late may stand where it was
+    put before the last time.
+    """
+
+    def __init__(self, camera: viser.CameraHandle, ball: Ball) -> None:
+        self._camera, self._ball = camera, ball
+        self._put_at = [np.array(camera.position)]
+        self._put()
+        camera.on_update(lambda _: self._reshape())
+
+    def see(self, ball: Ball) -> None:
+        """Stand where this ball is seen, whoever moved the camera."""
+        self._ball = ball
+        self._put_at.clear()
+        self._put()
+
+    def _reshape(self) -> None:
+        if self._camera.aspect != self._aspect and self._is_unmoved():
+            self._put()
+
+    def _is_unmoved(self) -> bool:
+        at = np.asarray(self._camera.position)
+        return any(np.linalg.norm(at - put) < UNMOVED for put in self._put_at)
+
+    def _put(self) -> None:
+        self._aspect = self._camera.aspect
+        self._ball.frame(self._camera, self._aspect)
+        self._put_at.append(np.array(self._camera.position))
 
 
 def _corners(body: Body) -> np.ndarray:

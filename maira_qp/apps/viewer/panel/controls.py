@@ -24,6 +24,9 @@ class Ask(Protocol):
     def session(self, key: str, action: Callable[[Session], None]) -> None:
         """Do this before the next tick, and nothing that was asked under the same key before and is not yet done."""
 
+    def each(self, action: Callable[[Session], None]) -> None:
+        """Do this before the next tick; each counts, however many come between two ticks."""
+
     def robot(self, robot: str, tip: str | None, client: viser.ClientHandle | None) -> None:
         """Another robot: a name of the catalog, or a file."""
 
@@ -44,11 +47,22 @@ class Ask(Protocol):
         ...
 
 
-class Choice:
-    """A drop-down or a box to tick that follows a value, but not just after a person chose."""
+def when_pressed(group: viser.GuiButtonGroupHandle, act: Callable[[str], None]) -> None:
+    """`act` is called with the label of each button of a group that is pressed, and must be quick.
+
+    The label is read before the next message comes, which may be of another button.
+    """
+
+    @group.on_click
+    async def _(event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
+        act(event.target.value)
+
+
+class Control:
+    """A drop-down, a box to tick or a slider that follows a value, but not while a person uses it."""
 
     def __init__(self, handle: Any, chosen: Callable[[Any], None]) -> None:
-        """`chosen` is called with what a person chose."""
+        """`chosen` is called with what a person chose, and must be quick."""
         self.handle = handle
         self._touched = -UNTOUCHED
 
@@ -64,24 +78,13 @@ class Choice:
             self.handle.value = value
 
 
-class Slider:
-    """A slider that follows a value, but not while a person moves it."""
-
-    def __init__(self, handle: viser.GuiSliderHandle[float], moved: Callable[[float], None]) -> None:
-        self.handle = handle
-        self._touched = -UNTOUCHED
-
-        @handle.on_update
-        async def _(event: viser.GuiEvent) -> None:
-            if event.client is not None:
-                self._touched = time.monotonic()
-                moved(handle.value)
+class Slider(Control):
+    """A slider that follows a value."""
 
     def show(self, value: float) -> None:
-        """The value is this."""
-        if time.monotonic() - self._touched > UNTOUCHED:
-            value = round(value / self.handle.step) * self.handle.step
-            self.handle.value = round(min(max(value, self.handle.min), self.handle.max), 6)
+        """The value is this, or the nearest that the slider has."""
+        value = round(value / self.handle.step) * self.handle.step
+        super().show(round(min(max(value, self.handle.min), self.handle.max), 6))
 
 
 def add_saving(gui: viser.GuiApi, name: str, what: Callable[[], Savable], ask: Ask) -> None:

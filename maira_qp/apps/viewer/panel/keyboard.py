@@ -35,7 +35,7 @@ class Keyboard:
     """The commands."""
 
     def __init__(self, gui: viser.GuiApi, ask: Ask) -> None:
-        self._gui, self._ask, self._presses = gui, ask, 0
+        self._gui, self._ask = gui, ask
         gui.add_html(KEYS_OF_SLIDERS)
         self._add("Home", Session.go_home, "H")
         self._add("Put the target to the tool", Session.stop, "T")
@@ -53,9 +53,8 @@ class Keyboard:
         command = self._gui.add_command(label, hotkey=key, modifier=modifier)  # type: ignore[arg-type]
 
         @command.on_trigger
-        async def _(_: object) -> None:  # each press counts, however many come between two ticks
-            self._presses += 1
-            self._ask.session(f"key {self._presses}", action)
+        async def _(_: object) -> None:
+            self._ask.each(action)
 
 
 def _nudge(axis: int, way: float) -> Callable[[Session], None]:

@@ -9,7 +9,7 @@ import pinocchio as pin
 import viser
 
 from maira_qp.apps.viewer.panel import readout
-from maira_qp.apps.viewer.panel.controls import Ask
+from maira_qp.apps.viewer.panel.controls import Ask, when_pressed
 from maira_qp.apps.viewer.panel.fields import Field, PoseFields
 from maira_qp.apps.viewer.panel.solids import KINDS, label_of, resized, sizes_of, solid
 from maira_qp.apps.viewer.quantities import listing
@@ -42,9 +42,8 @@ class ObstaclesTab:
         change.on_click(lambda _: self._form.submit())
         self._form.on_submit(self._change)
 
-        @kinds.on_click
-        def _(event: viser.GuiEvent) -> None:
-            self._add(event.target.value)
+        when_pressed(kinds, self._add)
+        when_pressed(self._remove, self._take_away)
 
         @self._avoid.on_update
         def _(_: viser.GuiEvent) -> None:
@@ -55,11 +54,6 @@ class ObstaclesTab:
         def _(_: viser.GuiEvent) -> None:
             self._size.forget()
             self._pose.forget()
-
-        @self._remove.on_click
-        def _(event: viser.GuiEvent) -> None:
-            name = self._which.value if event.target.value == REMOVE else None
-            ask.session(f"remove {name}", lambda session: session.remove_obstacles(name))
 
     def show(self, session: Session, view: View) -> None:
         """The obstacles, how far away they are, and the one that can be changed."""
@@ -85,7 +79,11 @@ class ObstaclesTab:
         where = 0.45 * self._length * np.array([np.cos(angle), np.sin(angle), 0.9])
         size = max(round(0.12 * self._length, 2), 0.01)
         shape = solid(kind, size, pin.SE3(np.eye(3), where.round(2)), f"{kind.lower()} {self._count}")
-        self._ask.session(f"add {self._count}", lambda session: session.put_obstacle(shape))
+        self._ask.each(lambda session: session.put_obstacle(shape))
+
+    def _take_away(self, button: str) -> None:
+        name = self._which.value if button == REMOVE else None
+        self._ask.each(lambda session: session.remove_obstacles(name))
 
     def _change(self, event: viser.GuiEvent) -> None:
         """Sizes and pose as they were typed."""

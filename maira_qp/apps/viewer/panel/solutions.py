@@ -7,7 +7,7 @@ import viser
 
 from maira_qp.apps.viewer.answers import Ghosts
 from maira_qp.apps.viewer.panel import readout
-from maira_qp.apps.viewer.panel.controls import Ask, Choice, Slider
+from maira_qp.apps.viewer.panel.controls import Ask, Control, Slider
 from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.view import View
 from maira_qp.apps.viewer.workplace import Method
@@ -24,13 +24,13 @@ class SolutionsTab:
     """How the redundancy is used, the elbow, all solutions."""
 
     def __init__(self, gui: viser.GuiApi, session: Session, ask: Ask) -> None:
-        self._ask, self._clicks = ask, 0
+        self._ask = ask
         self._add_redundancy(gui, session)
         self._add_elbow(gui)
         show_all = gui.add_checkbox(
             "Show all solutions", session.shows_ghosts, hint="As ghosts, coloured by cost; click one to go there"
         )
-        self._show_all = Choice(
+        self._show_all = Control(
             show_all, lambda wanted: ask.session("ghosts", lambda session: session.show_ghosts(wanted))
         )
         self._shown: Ghosts | None = None
@@ -95,5 +95,4 @@ class SolutionsTab:
 
     def _go_to(self, index: int) -> None:
         self._count = index
-        self._clicks += 1
-        self._ask.session(f"ghost {self._clicks}", lambda session: session.go_to_ghost(index))
+        self._ask.each(lambda session: session.go_to_ghost(index))

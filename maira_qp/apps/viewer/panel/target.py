@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pinocchio as pin
 import viser
 
-from maira_qp.apps.viewer.panel.controls import Ask, Choice
+from maira_qp.apps.viewer.panel.controls import Ask, Control, when_pressed
 from maira_qp.apps.viewer.panel.copying import copied_lines
 from maira_qp.apps.viewer.panel.fields import PoseFields
 from maira_qp.apps.viewer.quantities import listing, position_text, rpy_text
@@ -23,10 +21,9 @@ class TargetTab:
     """Where the tool is to be, and where it is."""
 
     def __init__(self, gui: viser.GuiApi, session: Session, ask: Ask) -> None:
-        self._ask, self._clicks = ask, 0
         tips = session.robot.tips
         tip = gui.add_dropdown("Tip", tips, initial_value=session.selected, visible=len(tips) > 1)
-        self._tip = Choice(tip, lambda tip: self._do(lambda session: session.select(tip)))
+        self._tip = Control(tip, lambda tip: ask.each(lambda session: session.select(tip)))
         with gui.add_form(None) as form:
             self._fields = PoseFields(gui, session.target)
             go = gui.add_button("Go there", icon=viser.Icon.TARGET_ARROW)
@@ -37,7 +34,7 @@ class TargetTab:
         axes = gui.add_dropdown(
             "Arrows along", (TOOL_AXES, BASE_AXES), hint="The axes that the target is dragged along, and moved by keys"
         )
-        self._axes = Choice(axes, lambda axes: self._do(lambda session: session.use_axes(axes == BASE_AXES)))
+        self._axes = Control(axes, lambda axes: ask.each(lambda session: session.use_axes(axes == BASE_AXES)))
         self._tool = gui.add_html("")
 
         go.on_click(lambda _: form.submit())
@@ -46,20 +43,14 @@ class TargetTab:
         def _(event: viser.GuiEvent) -> None:
             with ask.failures(event.client):
                 typed = self._fields.typed()
-                self._do(lambda session: session.move_target(typed.of(session.target)))
+                ask.each(lambda session: session.move_target(typed.of(session.target)))
 
-        @self._steps.on_click
-        def _(event: viser.GuiEvent) -> None:
-            self._do({HOME: Session.go_home, UNDO: Session.undo, REDO: Session.redo}[event.target.value])
+        steps = {HOME: Session.go_home, UNDO: Session.undo, REDO: Session.redo}
+        when_pressed(self._steps, lambda step: ask.each(steps[step]))
 
         @stop.on_click
         def _(_: viser.GuiEvent) -> None:
             ask.session("stop", Session.stop)
-
-    def _do(self, action: Callable[[Session], None]) -> None:
-        """Each click counts, however many come between two ticks."""
-        self._clicks += 1
-        self._ask.session(f"target {self._clicks}", action)
 
     def show(self, view: View) -> None:
         """The target, and where the tool is."""

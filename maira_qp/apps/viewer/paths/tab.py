@@ -7,7 +7,7 @@ from collections.abc import Callable
 import viser
 
 from maira_qp.apps.viewer.panel import readout
-from maira_qp.apps.viewer.panel.controls import Ask, Slider, add_saving
+from maira_qp.apps.viewer.panel.controls import Ask, Slider, add_saving, when_pressed
 from maira_qp.apps.viewer.paths.followed import Followed
 from maira_qp.apps.viewer.paths.route import LEAST_SPACING, Route
 from maira_qp.apps.viewer.session import FARTHEST, Session
@@ -24,7 +24,6 @@ class PathTab:
 
     def __init__(self, gui: viser.GuiApi, session: Session, ask: Ask) -> None:
         self._ask, self._followed = ask, None
-        self._clicks = 0
         self._add_sources(gui, session)
         self._add_following(gui)
         self._state = gui.add_html("")
@@ -35,20 +34,9 @@ class PathTab:
         with gui.add_folder("Save", expand_by_default=False):
             add_saving(gui, "path.csv", self._what_is_saved, ask)
 
-        @self._playing.on_click
-        def _(event: viser.GuiEvent) -> None:
-            rate = float(self._speed.value)
-            if event.target.value == PLAY:
-                ask.session("along the path", lambda session: session.play_path(rate))
-            else:
-                ask.session("along the path", lambda session: session.pause_path())
-
-        @self._failing.on_click
-        def _(event: viser.GuiEvent) -> None:
-            if event.target.value == NEXT:
-                self._do(lambda session: session.stand_at_next_failure())
-            else:
-                ask.session("proof", lambda session: session.explain_path())
+        when_pressed(self._playing, self._play)
+        failures = {NEXT: Session.stand_at_next_failure, WHY: Session.explain_path}
+        when_pressed(self._failing, lambda what: ask.each(failures[what]))
 
     def show(self, view: View) -> None:
         """The path, how it is followed, and where on it the arm is."""
@@ -81,15 +69,12 @@ class PathTab:
             load = gui.add_button("Load the path", icon=viser.Icon.FILE)
             upload = gui.add_upload_button("Upload a path", mime_type=".csv", icon=viser.Icon.UPLOAD)
 
-        @corners.on_click
-        def _(event: viser.GuiEvent) -> None:
-            changed: dict[str, Callable[[Session], Route]] = {
-                ADD: lambda session: session.route.with_corner(session.target.homogeneous),
-                UNDO: lambda session: session.route.without_last(),
-                CLEAR: lambda session: session.route.cleared(),
-            }
-            change = changed[event.target.value]
-            self._do(lambda session: session.lay(change(session)))
+        changed: dict[str, Callable[[Session], Route]] = {
+            ADD: lambda session: session.route.with_corner(session.target.homogeneous),
+            UNDO: lambda session: session.route.without_last(),
+            CLEAR: lambda session: session.route.cleared(),
+        }
+        when_pressed(corners, lambda change: ask.each(lambda session: session.lay(changed[change](session))))
 
         @spacing.on_update
         def _(_: viser.GuiEvent) -> None:
@@ -104,7 +89,7 @@ class PathTab:
         @circle.on_click
         def _(_: viser.GuiEvent) -> None:
             r, largest = 1e-3 * radius.value, FARTHEST * length
-            self._do(lambda session: session.lay(session.route.with_circle(session.target.homogeneous, r, largest)))
+            ask.each(lambda session: session.lay(session.route.with_circle(session.target.homogeneous, r, largest)))
 
         @load.on_click
         def _(event: viser.GuiEvent) -> None:
@@ -128,10 +113,10 @@ class PathTab:
         def _(_: viser.GuiEvent) -> None:
             self._ask.session("follow", lambda session: session.cancel_path())
 
-    def _do(self, action: Callable[[Session], None]) -> None:
-        """Each click counts, however many come between two ticks."""
-        self._clicks += 1
-        self._ask.session(f"path {self._clicks}", action)
+    def _play(self, button: str) -> None:
+        rate = float(self._speed.value)
+        action = (lambda session: session.play_path(rate)) if button == PLAY else Session.pause_path
+        self._ask.session("along the path", action)
 
     def _stand_at(self, index: float) -> None:
         self._ask.session("along the path", lambda session: session.stand_at(round(index)))
