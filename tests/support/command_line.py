@@ -1,13 +1,25 @@
 """What the tests of the command line share."""
 
 import io
+import os
 import signal
+import subprocess
 import sys
 
 
 def heed_interrupts() -> None:
     """In a process about to begin: Ctrl-C is heard, as from a terminal, even where tests run in the background."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def run_without_reader(*arguments) -> tuple[int, str]:
+    """Exit code and stderr of the command line whose reader is gone before it begins."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "maira_qp", *arguments]
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, timeout=600, check=False)
+    os.close(writer)
+    return done.returncode, done.stderr
 
 
 def misuse(answer):

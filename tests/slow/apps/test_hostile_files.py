@@ -9,7 +9,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from support.command_line import misuse
+from support.command_line import misuse, run_without_reader
 
 import maira_qp as mq
 from maira_qp.apps.arguments.pose_choice import read_matrix
@@ -125,13 +125,8 @@ def test_a_file_that_hides_its_size_is_not_read_without_end():
 
 def piped(*arguments):
     """Exit code and stderr of the command line whose reader goes away at once."""
-    command = [sys.executable, "-m", "maira_qp", *arguments]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    process.stdout.close()
-    error = process.stderr.read()
-    process.stderr.close()
-    told = [line for line in error.splitlines() if "compiling" not in line]
-    return process.wait(timeout=300), told
+    code, error = run_without_reader(*arguments)
+    return code, [line for line in error.splitlines() if "compiling" not in line]
 
 
 def test_the_verdict_outlives_the_reader():

@@ -24,6 +24,14 @@ def reported_as_ignored(monkeypatch):
     return said
 
 
+@pytest.fixture(autouse=True)
+def heeded_interrupts():
+    """Ctrl-C is heard, even where tests run in the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def wait() -> None:
     """Works until it is interrupted; not for ever."""
     end = time.monotonic() + 60 * AGAIN
