@@ -8,17 +8,13 @@ import numpy as np
 from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.kinematics.unwrap import TURN
 
-WITHIN = 1e-9
-"""See `robots.model.revolutions`."""
 FARTHEST = 1e3
 """What the step of a reconfiguration counts, at most, against another: in steps that are allowed."""
 
 
 @kernel(allocates=True)
-def link(
-    nodes, first, windows, forbidden, turning, limits, is_start_given, jump, cost, back, has_jumped, end, least, most
-):
-    """Find the line of least cost to each node; `cost`, `back`, `has_jumped` (S,), `end`, `least`, `most` in place.
+def link(nodes, first, windows, forbidden, turning, fewest, counts, states, jump, cost, back, has_jumped):
+    """Find the line of least cost to each state; `cost`, `back`, `has_jumped` (T,) in place.
 
     Args:
         nodes: configurations (S, n) of L layers, one layer after another.
@@ -26,57 +22,93 @@ def link(
         windows: (L - 1, n) how far each joint may move between two layers [rad or m].
         forbidden: (F, 2) pairs of nodes that are not linked.
         turning: (n,) of bool: joints that are compared without their whole turns.
-        limits: (2, n) of the joints.
-        is_start_given: the turns of the first layer are those of the line.
+        fewest: (S, n) the least number of whole turns by which each joint of each node may be turned.
+        counts: (S, n) how many numbers of turns it has; 0: it has no limits, and its turns are not counted.
+        states: (S + 1,) where the states of each node begin: a node at one number of turns of each joint, that of the
+            first joint counts the fastest.
         jump: what a step beyond the window costs.
-        cost: of the best line to each node.
-        back: the node before it on that line.
+        cost: of the best line to each state.
+        back: the state before it on that line.
         has_jumped: the step from there is beyond the window.
-        end: (S, n) where the line arrives, its turns counted.
-        least: (S, n) the least values of the joints since the last jump.
-        most: (S, n) the largest.
     """
-    n = nodes.shape[1]
-    for j in range(first[1]):
-        cost[j], back[j], has_jumped[j] = 0.0, -1, False
-        for i in range(n):
-            end[j, i] = least[j, i] = most[j, i] = nodes[j, i]
+    cheapest = np.zeros(len(nodes))
+    turns = np.zeros(nodes.shape[1], np.int64)
+    cost[: states[first[1]]], back[: states[first[1]]], has_jumped[: states[first[1]]] = 0.0, -1, False
     for layer in range(1, len(first) - 1):
-        order = first[layer - 1] + np.argsort(cost[first[layer - 1] : first[layer]])  # soon none can do better
-        cheapest = order[0]
-        for j in range(first[layer], first[layer + 1]):
-            best, origin = cost[cheapest] + jump, -1
+        begin, end = first[layer - 1], first[layer]
+        for k in range(begin, end):
+            cheapest[k] = cost[states[k] : states[k + 1]].min()
+        order = begin + np.argsort(cheapest[begin:end])  # soon none can do better
+        start = order[0]
+        fallen = states[start] + np.argmin(cost[states[start] : states[start + 1]])
+        for j in range(end, first[layer + 1]):
+            here = slice(states[j], states[j + 1])
+            cost[here], back[here], has_jumped[here] = cost[fallen] + jump, fallen, True
+            dearest = cost[fallen] + jump
             for k in order:
-                if not cost[k] < best:
+                if not cheapest[k] < dearest:
                     break
-                far = _step(nodes, k, j, windows, layer - 1, turning, min(1.0, np.sqrt(best - cost[k])))
-                total = cost[k] + far * far
-                if (
-                    far <= 1.0
-                    and total < best
-                    and not _is_forbidden(forbidden, k, j)
-                    and _has_room(nodes, k, j, turning, limits, is_start_given, end, least, most)
-                ):
-                    best, origin = total, k
-            has_jumped[j] = origin < 0
-            if origin < 0:
-                far = _step(nodes, cheapest, j, windows, layer - 1, turning, FARTHEST)
-                cost[j], back[j] = best + min(far, FARTHEST), cheapest
-                for i in range(n):
-                    end[j, i] = least[j, i] = most[j, i] = nodes[j, i]
-            else:
-                cost[j], back[j] = best, origin
-                for i in range(n):
-                    end[j, i] = end[origin, i] + _moved(nodes, origin, j, i, turning)
-                    least[j, i] = min(least[origin, i], end[j, i])
-                    most[j, i] = max(most[origin, i], end[j, i])
+                far = _step(nodes, k, j, windows, layer - 1, turning, min(1.0, np.sqrt(dearest - cheapest[k])))
+                if far > 1.0 or not cheapest[k] + far * far < dearest or _is_forbidden(forbidden, k, j):
+                    continue
+                for i in range(nodes.shape[1]):
+                    turns[i] = _turns(nodes[j, i] - nodes[k, i], turning[i])
+                _relax(k, j, turns, fewest, counts, states, far * far, cost, back, has_jumped)
+                dearest = cost[here].max()
+            if dearest >= cost[fallen] + jump:
+                far = min(_step(nodes, start, j, windows, layer - 1, turning, FARTHEST), FARTHEST)
+                for state in range(states[j], states[j + 1]):
+                    if has_jumped[state]:
+                        cost[state] += far
+
+
+@device_kernel
+def _relax(k, j, turns, fewest, counts, states, price, cost, back, has_jumped):
+    """Let the states of node j have been come to from those of node k, where that costs less; in place.
+
+    Args:
+        k: a node.
+        j: a node of the next layer.
+        turns: (n,) whole turns of the joints from k to j that the shortest way takes back.
+        fewest: see `link`, as the others.
+        counts: as there.
+        states: as there.
+        price: of the step.
+        cost: as there.
+        back: as there.
+        has_jumped: as there.
+    """
+    is_alike = True  # the states of both nodes are the same numbers of turns: most are
+    for i in range(len(turns)):
+        is_alike = is_alike and counts[j, i] == counts[k, i] and fewest[j, i] + turns[i] == fewest[k, i]
+    for state in range(states[j], states[j + 1]):
+        rest, stride = state - states[j], 1
+        before = states[k] + (rest if is_alike else 0)
+        for i in range(0 if is_alike else len(turns)):
+            if counts[j, i] == 0:
+                continue
+            number = fewest[j, i] + rest % counts[j, i] + turns[i] - fewest[k, i]
+            rest //= counts[j, i]
+            if number < 0 or number >= counts[k, i]:
+                before = -1
+                break
+            before += stride * number
+            stride *= counts[k, i]
+        if before >= 0 and cost[before] + price < cost[state]:
+            cost[state], back[state], has_jumped[state] = cost[before] + price, before, False
+
+
+@device_kernel
+def _turns(moved, is_turning):
+    """How many whole turns are nearest to what a joint moves [rad or m]; 0: they do not count."""
+    return np.int64(np.floor(moved / TURN + 0.5)) if is_turning and abs(moved) > 0.5 * TURN else 0
 
 
 @device_kernel
 def _moved(nodes, k, j, i, turning):
     """What joint i moves from node k to node j [rad or m]."""
     moved = nodes[j, i] - nodes[k, i]
-    return moved - TURN * np.floor(moved / TURN + 0.5) if turning[i] else moved
+    return moved - TURN * _turns(moved, turning[i])
 
 
 @device_kernel
@@ -97,22 +129,3 @@ def _is_forbidden(forbidden, k, j):
     for row in range(len(forbidden)):
         found = found or (forbidden[row, 0] == k and forbidden[row, 1] == j)
     return found
-
-
-@device_kernel
-def _has_room(nodes, k, j, turning, limits, is_start_given, end, least, most):
-    """Whether the travel to node k and on to node j fits between the limits at some turn, or as it is."""
-    for i in range(nodes.shape[1]):
-        there = end[k, i] + _moved(nodes, k, j, i, turning)
-        below = limits[0, i] - WITHIN - min(least[k, i], there)
-        above = limits[1, i] + WITHIN - max(most[k, i], there)
-        if not turning[i]:
-            if below > 0.0 or above < 0.0:
-                return False
-            continue
-        fewest, largest = np.ceil(below / TURN), np.floor(above / TURN)
-        if is_start_given:
-            fewest, largest = max(fewest, 0.0), min(largest, 0.0)
-        if fewest > largest:
-            return False
-    return True

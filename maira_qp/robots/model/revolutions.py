@@ -78,29 +78,22 @@ class WholeTurns:
         """Differences (..., n) without the whole turns of `everywhere` joints."""
         return difference - np.where(self.everywhere, TURN * np.round(difference / TURN), 0.0)
 
-    def has_room(self, least: np.ndarray, most: np.ndarray, as_they_are: bool) -> np.ndarray:
-        """Whether travels from (..., n) to (..., n) fit between the limits, turned by whole turns or as they are."""
-        first, last = self._turns_for(least, most)
-        if as_they_are:
-            first, last = np.maximum(first, 0.0), np.minimum(last, 0.0)
-        return np.asarray((first <= last).all(axis=-1))
+    def turns_for(self, least: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The least and the largest number of turns (..., n) that keep a travel within limits; others have 0 and 0."""
+        below, above = self.robot.lower - WITHIN - least, self.robot.upper + WITHIN - most
+        first, last = np.ceil(below / TURN), np.floor(above / TURN)
+        return np.where(self.everywhere, first, 0.0 + (below > 0)), np.where(self.everywhere, last, 0.0 - (above < 0))
 
     def room_for(self, least: np.ndarray, most: np.ndarray) -> np.ndarray:
         """Whole turns (n,) [rad] that put a travel from (n,) to (n,) between the limits, about in their middle."""
-        first, last = self._turns_for(least, most)
+        first, last = self.turns_for(least, most)
         middle = 0.5 * (self.window[0] + self.window[1])
         return TURN * np.minimum(np.maximum(np.round((middle - 0.5 * (least + most)) / TURN), first), last)
 
     def room_near(self, least: np.ndarray, most: np.ndarray, shift: np.ndarray) -> np.ndarray:
         """The same, of them those that are nearest to a shift (n,)."""
-        first, last = self._turns_for(least, most)
+        first, last = self.turns_for(least, most)
         return TURN * np.minimum(np.maximum(np.round(shift / TURN), first), last)
-
-    def _turns_for(self, least: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The least and the largest number of turns (..., n) that keep a travel within limits; others have 0 and 0."""
-        below, above = self.robot.lower - WITHIN - least, self.robot.upper + WITHIN - most
-        first, last = np.ceil(below / TURN), np.floor(above / TURN)
-        return np.where(self.everywhere, first, 0.0 + (below > 0)), np.where(self.everywhere, last, 0.0 - (above < 0))
 
     def in_window(self, q: np.ndarray) -> np.ndarray:
         """Configurations (..., n) with `everywhere` joints at the turn that is sampled, see `window`."""
