@@ -1,7 +1,4 @@
-"""Engines that other packages are: the same output, and shards of workers that died are done again."""
-
-import os
-import sys
+"""The engine that is Dask: the same output, and shards of workers that died are done again."""
 
 import pytest
 from support.marked_jobs import MarkedJob, files_of
@@ -40,13 +37,3 @@ def test_a_scheduler_that_is_not_there_is_told(marks, tmp_path, monkeypatch):
     monkeypatch.setattr("maira_qp.scale.engines.dask_cluster.TIMEOUT", 0.5)
     with pytest.raises(JobError, match="scheduler of Dask is not reached"):
         run(MarkedJob(marks=marks), tmp_path / "job", engine="dask", address="tcp://127.0.0.1:9", shard=10)
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_ray_makes_the_same_output_though_a_worker_dies(marks, tmp_path, monkeypatch):
-    pytest.importorskip("ray")
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))  # where its workers find the job's class
-    job = MarkedJob(marks=marks, killed=(12,))
-    run(job, tmp_path / "ray", engine="ray", workers=1, shard=10)
-    run(job, tmp_path / "here", engine="here")
-    assert files_of(tmp_path / "ray") == files_of(tmp_path / "here")
