@@ -8,7 +8,7 @@ WITHOUT_PASSES := tests/unit/kernels/test_rigid.py tests/unit/kernels/test_rando
 # Tests that run once more with the oldest Pinocchio that is supported: what asks most of its models.
 WITH_PINOCCHIO := $(addprefix tests/unit/robots/,test_models.py test_robot.py test_tools_and_bases.py test_joint_names.py) tests/unit/integrations
 
-.PHONY: demo test oldest quick lint examples docs gallery clean
+.PHONY: demo test oldest installs quick lint examples docs gallery clean FORCE
 
 demo: .venv/.ready ## solve random poses with both redundancy methods and the plain reference, compare them
 	$(BIN)/maira-qp compare --picture output/comparison.png
@@ -22,6 +22,16 @@ test: .venv/.ready ## run the tests; those of the kernels again as plain Python,
 
 oldest: .venv-oldest/.ready ## run the tests of models beside what LeRobot installs, .ci/oldest.txt
 	OMP_NUM_THREADS=1 .venv-oldest/bin/python -m pytest -q -n auto $(WITH_PINOCCHIO)
+
+installs: install-3.10 install-3.12 install-3.13 install-lowest ## install the wheel on each of these Pythons that is here, use it, uninstall it
+
+install-%: output/wheel/.built
+	$(BIN)/python .ci/install.py $* output/wheel/*.whl
+
+output/wheel/.built: .venv/.ready FORCE
+	rm -rf output/wheel
+	$(BIN)/uv build --quiet --python $(BIN)/python --out-dir output/wheel
+	touch $@
 
 quick: .venv/.ready ## run the unit tests alone: about a minute once the kernels are compiled
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist loadgroup tests/unit

@@ -2,6 +2,7 @@
 
 import ast
 import re
+import runpy
 import sys
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 import maira_qp
 
 ROOT = Path(__file__).parents[2]
+INSTALL = runpy.run_path(str(ROOT / ".ci" / "install.py"))
 tomllib = pytest.importorskip("tomllib" if sys.version_info >= (3, 11) else "tomli")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
@@ -25,6 +27,30 @@ def test_classifiers_name_the_interpreters_that_are_supported():
     least, most = map(int, re.findall(r"3\.(\d+)", PROJECT["requires-python"]))
     named = [re.fullmatch(r"Programming Language :: Python :: 3\.(\d+)", each) for each in PROJECT["classifiers"]]
     assert [int(each[1]) for each in named if each] == list(range(least, most))
+    assert INSTALL["SUPPORTED"] == tuple(f"3.{minor}" for minor in range(least, most))
+
+
+def executable(path: Path, does: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/sh\n{does}\n", encoding="utf-8")
+    path.chmod(0o755)
+    return path
+
+
+def test_interpreters_that_do_not_run_are_passed_over(tmp_path, monkeypatch):
+    """As pyenv puts them on PATH; one that pyenv has is found all the same; of those that run the first is taken."""
+    find_python = INSTALL["find_python"]
+    monkeypatch.setenv("PATH", f"{tmp_path / 'shims'}:{tmp_path / 'bin'}")
+    executable(tmp_path / "shims" / "python3.12", "echo 'command not found' >&2; exit 127")
+    executable(tmp_path / "bin" / "python3.10", "echo Python 3.1.0")
+    assert find_python("3.12") is None
+    assert find_python("3.10") is None
+    executable(tmp_path / "shims" / "pyenv", f"echo {tmp_path}/$1-$2")
+    assert find_python("3.12") is None
+    by_pyenv = executable(tmp_path / "prefix-3.12" / "bin" / "python", "echo Python 3.12.1")
+    assert find_python("3.12") == str(by_pyenv)
+    on_path = executable(tmp_path / "bin" / "python3.12", "echo Python 3.12.13")
+    assert find_python("3.12") == str(on_path)
 
 
 def test_the_command_and_all_that_it_needs_is_installed_with_the_package():
