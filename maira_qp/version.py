@@ -1,3 +1,8 @@
-"""The version of this package."""
+"""The version of this package, as it was installed."""
 
-__version__ = "0.1.0"
+from importlib.metadata import PackageNotFoundError, version
+
+try:
+    __version__ = version("maira-qp")
+except PackageNotFoundError:  # imported from a folder, and not installed
+    __version__ = "0.0.0"

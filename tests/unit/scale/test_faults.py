@@ -205,6 +205,17 @@ def test_a_job_of_other_versions_is_refused(marks, tmp_path):
     assert files_of(folder) == before
 
 
+def test_a_job_of_the_same_sources_goes_on_whatever_their_version_is_called(marks, tmp_path):
+    """A clone has a version of its own after each commit, also where nothing that answers depend on was changed."""
+    folder, job = tmp_path / "job", MarkedJob(marks=marks)
+    run(job, folder, engine="here", part=(1, 2))
+    manifest = json.loads((folder / "job.json").read_text())
+    manifest["versions"]["maira-qp"] = "0.0.9"
+    (folder / "job.json").write_text(json.dumps(manifest))
+    run(job, folder, engine="here")
+    assert verify(folder)
+
+
 def test_a_folder_is_of_one_job(marks, tmp_path):
     job = MarkedJob(marks=marks)
     run(job, tmp_path / "job", engine="here", part=(1, 2))
