@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO, Protocol
 
 import numpy as np
 
@@ -28,6 +28,10 @@ REMARKS = ("optimal", "start_projected")
 """Fields of a batch that are summed up and not written."""
 Answered = tuple[slice, Mapping[str, np.ndarray]]
 """Some rows of a table, and the answers to them."""
+Names = Callable[[bool], Sequence[str]]
+"""The names of answers, in an archive (True) or as columns (False)."""
+WRITERS = {".csv": CsvWriter, ".npz": NpzWriter, ".parquet": ParquetWriter}
+"""By the end of a file's name."""
 
 
 def columns(batch: BatchSolution) -> dict[str, np.ndarray]:
@@ -40,17 +44,31 @@ def columns(batch: BatchSolution) -> dict[str, np.ndarray]:
     return found | fields | {"active_limits": limits, "q": batch.q}
 
 
-def check_output(path: Path, table: Table, joint_names: Sequence[str]) -> None:
+class RowWriter(Protocol):
+    """Writes answers behind the rows that asked for them, one block after another."""
+
+    done: int
+    """Rows that are written"""
+
+    def write(self, rows: slice, answers: Any) -> None:
+        """Some rows, and the answers to them. Raises `OSError`, `PoseError`."""
+
+    def close(self) -> None:
+        """Write what comes after the last row. Raises `OSError`."""
+
+
+def check_output(path: Path, table: Table, names: Names) -> None:
     """Before a long run: whether the answers can go there, beside what was asked. Raises `OptionError`."""
     check_format(path)
     check_place(path, table)
-    check_names(path.suffix.lower() == ".npz", table, joint_names)
+    check_names(path.suffix.lower(), table, names)
 
 
-def check_names(whole: bool, table: Table, joint_names: Sequence[str]) -> None:
-    """Before a long run: whether the names of the answers, in an archive or a table, are free. Raises `OptionError`."""
-    asked = table.arrays if whole and isinstance(table, NpzTable) else table.names
-    for name in _names(whole, joint_names):
+def check_names(suffix: str, table: Table, names: Names) -> None:
+    """Before a long run: whether the names of the answers are free in a file of that kind. Raises `OptionError`."""
+    is_archive = suffix == ".npz"
+    asked = table.arrays if is_archive and isinstance(table, NpzTable) else table.names
+    for name in names(is_archive):
         if name in asked:
             raise OptionError(f"{table.path} has {name!r} already, which is a name of an answer; rename or remove it")
 
@@ -66,15 +84,15 @@ def check_place(path: Path, table: Table) -> None:
         raise OptionError(f"{path} is the file of the poses; name another one with --output")
 
 
-def write_answers(path: Path, table: Table, answered: Iterable[Answered], joint_names: Sequence[str]) -> None:
-    """Write a file: what the table holds, then the answers, as they come.
+def write_answers(path: Path, answered: Iterable[tuple[slice, Any]], begin: Callable[[BinaryIO], RowWriter]) -> None:
+    """Write a file: what a table holds, then the answers, as they come, by a writer that is begun there.
 
     It takes the place of `path` when it is whole; where Ctrl-C ends it before, the rows that were answered are in
     `partial(path)`. Raises `OSError`, `PoseError`, and `KeyboardInterrupt` as it was.
     """
     kept: list[Path] = []
     with replacing(path, interrupted=kept) as file:
-        writer = AnswerWriter(file, path.suffix.lower(), table, joint_names)
+        writer = begin(file)
         try:
             for rows, answers in answered:
                 writer.write(rows, answers)
@@ -97,9 +115,8 @@ class AnswerWriter:
     def __init__(self, file: BinaryIO, suffix: str, table: Table, joint_names: Sequence[str]) -> None:
         """In the format of files that end in `suffix`. Raises `OSError`."""
         self._is_archive, self._joints = suffix == ".npz", joint_names
-        names = _names(self._is_archive, joint_names)
-        kinds = {".csv": CsvWriter, ".npz": NpzWriter, ".parquet": ParquetWriter}
-        self._writer = kinds[suffix](file, table, names[:-1] if self._is_archive else names)
+        names = names_of(joint_names)(self._is_archive)
+        self._writer = WRITERS[suffix](file, table, names[:-1] if self._is_archive else names)
         self._names = names
         self.done = 0
         """Rows that are written"""
@@ -134,6 +151,6 @@ def left_out(path: Path, table: Table) -> Sequence[str]:
     return table.left_out if isinstance(table, NpzTable) and path.suffix.lower() != ".npz" else ()
 
 
-def _names(whole: bool, joint_names: Sequence[str]) -> tuple[str, ...]:
-    """Of the answers in a file, q as a whole array or a column a joint."""
-    return (*COLUMNS, "q", "joint_names") if whole else (*COLUMNS, *(f"q_{joint}" for joint in joint_names))
+def names_of(joint_names: Sequence[str]) -> Names:
+    """The names of the answers in a file, q as a whole array or a column a joint."""
+    return lambda whole: (*COLUMNS, "q", "joint_names") if whole else (*COLUMNS, *(f"q_{j}" for j in joint_names))

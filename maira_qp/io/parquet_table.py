@@ -14,6 +14,9 @@ from maira_qp.errors import OptionError, PoseError
 from maira_qp.io.table import ALL, Choose, Table, one_line
 from maira_qp.regular_files import LARGEST_FILE, LARGEST_TABLE, open_regular
 
+LEAST = 10_000
+"""Rows of a group that is written, but for the last one."""
+
 
 def check_pyarrow() -> None:
     """Whether Parquet can be read and written. Raises `OptionError`."""
@@ -101,11 +104,12 @@ class ParquetTable(Table):
 
 
 class ParquetWriter:
-    """Writes the columns of a table, and those of the answers, one block after another."""
+    """Writes the columns of a table, and those of the answers, in groups of rows that are not small."""
 
     def __init__(self, file: BinaryIO, table: Table, names: Sequence[str]) -> None:
         """Nothing is written before the first block, which says what the columns are."""
         self._file, self._table, self._writer = file, table, None
+        self._waiting: list[Any] = []
 
     def write(self, rows: slice, answers: Mapping[str, np.ndarray]) -> None:
         """Some rows, and their answers. Raises `OSError`, `PoseError`."""
@@ -120,12 +124,22 @@ class ParquetWriter:
             whole = whole.append_column(name, pa.array(np.asarray(values), text, mask=mask))
         if self._writer is None:
             self._writer = parquet.ParquetWriter(self._file, whole.schema)
-        self._writer.write_table(whole)
+        self._waiting.append(whole)
+        if sum(part.num_rows for part in self._waiting) >= LEAST:
+            self._write_waiting()
 
     def close(self) -> None:
         """Write the end of the file. Raises `OSError`."""
         if self._writer is not None:
+            self._write_waiting()
             self._writer.close()
+
+    def _write_waiting(self) -> None:
+        import pyarrow as pa
+
+        if self._waiting and self._writer is not None:
+            self._writer.write_table(pa.concat_tables(self._waiting))
+        self._waiting = []
 
 
 def write_parquet(file: BinaryIO, table: Table, answers: Mapping[str, np.ndarray]) -> None:

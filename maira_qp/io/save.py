@@ -130,10 +130,10 @@ def columns(result: Motion) -> dict[str, np.ndarray]:
     }
 
 
-def _table(result: Motion, units: TableUnits) -> ColumnTable:
-    """A column for each joint in place of the arrays."""
+def flat_columns(result: Motion, units: TableUnits) -> dict[str, np.ndarray]:
+    """`columns` (N,) in other units, with headings that say so, and a column for each joint in place of the arrays."""
     flat, slides = {}, [unit == "m" for unit in result.q_units]
-    for name, array in _in_units(result, units).items():
+    for name, array in in_units(result, units).items():
         if name in OF_JOINTS:
             for i, joint in enumerate(result.joint_names):
                 flat[units.heading(f"{name}_{joint}", slides[i], OF_JOINTS[name])] = array[:, i]
@@ -141,10 +141,10 @@ def _table(result: Motion, units: TableUnits) -> ColumnTable:
             flat[units.heading(name, name in OF_LENGTH, (OF_LENGTH | OF_ANGLE)[name])] = array
         else:
             flat[name] = array
-    return ColumnTable(flat)
+    return flat
 
 
-def _in_units(result: Motion, units: TableUnits) -> dict[str, np.ndarray]:
+def in_units(result: Motion, units: TableUnits) -> dict[str, np.ndarray]:
     """`columns` in other units."""
     found = columns(result)
     if units == SI:
@@ -159,19 +159,24 @@ def _in_units(result: Motion, units: TableUnits) -> dict[str, np.ndarray]:
 
 
 def _write_csv(file: BinaryIO, result: Motion, units: TableUnits) -> None:
-    write_csv(file, _table(result, units), {})
+    write_csv(file, ColumnTable(flat_columns(result, units)), {})
 
 
 def _write_parquet(file: BinaryIO, result: Motion, units: TableUnits) -> None:
-    write_parquet(file, _table(result, units), {})
+    write_parquet(file, ColumnTable(flat_columns(result, units)), {})
 
 
-def _write_npz(file: BinaryIO, result: Motion, units: TableUnits) -> None:
+def about_joints(result: Motion, units: TableUnits) -> dict[str, np.ndarray]:
+    """What an archive says of the joints (n,): their names, and their units where these are not m and rad."""
     names = {"joint_names": np.array(result.joint_names, dtype=str)}
     if units != SI:
         named = {"m": "mm" if units.millimetres else "m", "rad": "deg" if units.degrees else "rad"}
         names["q_units"] = np.array([named[unit] for unit in result.q_units])
-    write_npz(file, ColumnTable({}), {**_in_units(result, units), **names})
+    return names
+
+
+def _write_npz(file: BinaryIO, result: Motion, units: TableUnits) -> None:
+    write_npz(file, ColumnTable({}), {**in_units(result, units), **about_joints(result, units)})
 
 
 def _write_json(file: BinaryIO, result: Motion, _: TableUnits) -> None:

@@ -16,7 +16,6 @@ import numpy as np
 from maira_qp.arrays import check_callable, is_count, is_native, is_number
 from maira_qp.display import Card, Shown
 from maira_qp.errors import OptionError, PoseError, listed, shown
-from maira_qp.orientation import pose_error
 from maira_qp.problem.limits.joint import Limit, Tick
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.options import Options
@@ -24,7 +23,7 @@ from maira_qp.problem.problem import Problem
 from maira_qp.problem.qp.backends import Backend
 from maira_qp.problem.redundancy import Strict, Weighted
 from maira_qp.problem.target_frames import in_base, renamed
-from maira_qp.problem.targets import SEED_0, Targets, checked_seed
+from maira_qp.problem.targets import SEED_0, checked_seed
 from maira_qp.problem.tasks.frame import TargetTask
 from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
@@ -36,6 +35,7 @@ from maira_qp.robots.model.joint_values import joint_array, joint_values
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.calls import about_targets, first_of, of_calls, targets_of
 from maira_qp.solvers.dispatch import Choice, Engines
+from maira_qp.solvers.paths.closed import check_closed
 from maira_qp.solvers.selection import Demands, answer, answer_calls, answer_each, best_of, starts_of
 from maira_qp.solvers.tools import MOST_TOOLS, key_of, names_for, on_frames
 
@@ -482,22 +482,8 @@ class Solver(Shown):
         rules = Rules(solver._largest_step(dt, max_step), int(max_reconfigurations), dt, bool(loop), q0 is not None)
         _check_followed(engines)
         if loop and len(targets):
-            solver._check_closed(targets)
+            check_closed(solver.problem, *(next(iter(targets.poses(k).values())) for k in (0, len(targets) - 1)))
         return engines.track(targets, start, int(seed), rules, progress)
-
-    def _check_closed(self, targets: Targets) -> None:
-        """Check that a loop ends at the pose where it begins. Raises `PoseError`."""
-        first, last = (next(iter(targets.poses(k).values())) for k in (0, len(targets) - 1))
-        task, error = self.problem.tasks[0], pose_error(first, last)
-        if task.axes == "target":  # type: ignore[attr-defined]
-            error = (error.reshape(2, 3) @ last.rotation).ravel()
-        error[task.all_weights == 0.0] = 0.0  # type: ignore[attr-defined]
-        position, orientation = np.linalg.norm(error[:3]), np.linalg.norm(error[3:])
-        if not self.problem.is_reached(position, orientation):
-            raise PoseError(
-                f"a loop ends at the pose where it begins, and the last one is {position:.3g} m and {orientation:.3g} "
-                "rad from the first; repeat the first pose at the end"
-            )
 
     def _largest_step(self, dt: Any, max_step: Any) -> np.ndarray:
         """How far (n,) each joint may move from pose to pose. Raises `OptionError`."""

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
-import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,20 +15,11 @@ from rich.console import Console
 
 from maira_qp.apps.arguments.output import VERDICTS, Units, console, print_json, progress_bar
 from maira_qp.apps.arguments.standard_streams import STANDARD, beside, name_and_stream
+from maira_qp.apps.commands.answering import check_answers, write
 from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.errors import OptionError, PoseError
-from maira_qp.io.answers import (
-    Answered,
-    AnswerWriter,
-    check_names,
-    check_output,
-    columns,
-    left_out,
-    partial,
-    write_answers,
-)
+from maira_qp.io.answers import Answered, AnswerWriter, columns, left_out, names_of
 from maira_qp.io.poses import Poses, blocks, read_poses
-from maira_qp.io.table import Table
 from maira_qp.problem.targets import FARTHEST
 from maira_qp.results.answer import ERRORS, unknown_errors
 from maira_qp.results.status import Status
@@ -73,7 +63,6 @@ class Batch:
         """
         joints = solver.robot.joint_names
         output = self.output or beside(self.path, "solved")
-        is_streamed = output == STANDARD
         name, stream = name_and_stream(self.path)
         poses = read_poses(
             name,
@@ -90,24 +79,14 @@ class Batch:
             solver = positions
         if self.q0 is not None and poses.layout.start:
             raise OptionError(f"--q0 and the columns q0_... of {name} both give a start; leave one out")
-        if is_streamed:
-            check_names(False, poses.table, joints)
-        else:
-            check_output(output, poses.table, joints)
+        check_answers(output, poses.table, names_of(joints))
         tally, begin = Tally(solver, poses, self.q0), time.monotonic()
         with progress_bar("solving") as progress:
             answered = self._answered(solver, poses, units, tally, progress)
-            if is_streamed:
-                self._stream(answered, poses.table, joints)
-            else:
-                try:
-                    write_answers(output, poses.table, answered, joints)
-                except KeyboardInterrupt:
-                    if tally.written:
-                        sys.stderr.write(f"the answers to the first {tally.written} poses are in {partial(output)}\n")
-                    raise
+            write(output, answered, lambda file, suffix: AnswerWriter(file, suffix, poses.table, joints), "poses")
         seconds = time.monotonic() - begin
         summary = tally.summary(seconds) | {"output": str(output)}
+        is_streamed = output == STANDARD
         with reader_may_leave():
             print_json(summary, stderr=is_streamed) if json else _show(summary, units, console(stderr=is_streamed))
         for name in left_out(output, poses.table):
@@ -117,15 +96,6 @@ class Batch:
         if tally.without_pose:
             return VERDICTS["INVALID_TARGET"]
         return VERDICTS["CONVERGED" if tally.solved == tally.count else "NEAREST"]
-
-    def _stream(self, answered: Iterator[Answered], table: Table, joints: Sequence[str]) -> None:
-        """Write to standard output as long as somebody reads there."""
-        writer: AnswerWriter | None = None
-        for rows, answers in answered:
-            with reader_may_leave():
-                writer = writer or AnswerWriter(sys.stdout.buffer, ".csv", table, joints)
-                writer.write(rows, answers)
-                sys.stdout.buffer.flush()
 
     def _answered(
         self, solver: Solver, poses: Poses, units: Units, tally: Tally, progress: Callable[[int, int], None]
@@ -147,7 +117,6 @@ class Batch:
             tally.add(rows, valid, deviations, answers)
             answers["q"] = units.write(answers["q"])
             yield rows, answers
-            tally.written = tally.count
 
 
 def _with_place(message: str, poses: Poses, begin: int) -> str:
@@ -161,7 +130,7 @@ class Tally:
     def __init__(self, solver: Solver, poses: Poses, q0: np.ndarray | None) -> None:
         """Nothing is counted yet."""
         self._solver, self._poses, self._hints = solver, poses, Hints(solver.robot, poses, q0)
-        self.count = self.solved = self.without_pose = self.written = 0
+        self.count = self.solved = self.without_pose = 0
         self._first_not_solved: int | None = None
         self._sums: Counter[str] = Counter()
         self._worst: dict[str, float] = {}

@@ -6,14 +6,14 @@ import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import tyro
 
 from maira_qp.apps.arguments.flags import RobotFlags, SolverFlags, checked_seed
 from maira_qp.apps.arguments.numbers import JointValues
-from maira_qp.apps.arguments.optional import Flag, Maybe, explained
+from maira_qp.apps.arguments.optional import UNSAID, Flag, Maybe, explained
 from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.apps.arguments.standard_streams import STANDARD, beside, name_and_stream
 from maira_qp.apps.left_pipes import reader_may_leave
@@ -46,21 +46,30 @@ class Track:
     start q0_<joint> in its first row is the configuration there. The joint values, or with --timed the joint values,
     speeds and accelerations over time, go into --output.
 
+    With --batch a file of many paths, which may be larger than memory: the rows of a path follow one another and have
+    the same value in the column --by. Each path is followed as if it were alone. The answers stand behind what the file
+    held, success, reconfiguration, position_error, orientation_error and q_<joint>, path by path.
+
     Examples:
 
         maira-qp track poses.csv
         maira-qp track poses.csv --deg --mm --timed --acceleration 300
         maira-qp track poses.csv --picture path.png --animation path.gif
+        maira-qp track --batch paths.parquet --by seam
 
     Exit code:
 
-        0  followed whole
-        1  not followed whole
+        0  followed whole; with --batch: all paths
+        1  not followed whole; with --batch: some are not
         2  wrong use
         3  not followed whole: a pose is proved to be out of reach"""
 
-    poses: tyro.conf.Positional[Path]
+    poses: Annotated[Path | None, UNSAID, tyro.conf.Positional] = None
     """File of the poses, .csv, .npz or .parquet; -: CSV from standard input."""
+    batch: Maybe[Path] = None
+    """File of many paths, in place of one; -: CSV from standard input."""
+    by: str = "path"
+    """Column of --batch that tells the paths apart."""
     choice: RobotFlags = field(default_factory=RobotChoice)
     q0: JointValues = None
     """Joint values at the first pose, or near them [rad, or deg with --deg; m for a sliding joint]; none: any."""
@@ -92,8 +101,8 @@ class Track:
     """From sample to sample with --timed [s]; > 0."""
     output: Maybe[Path] = None
     """File of the joint values, .csv, .npz, .parquet, .json, .ros.json (a JointTrajectory of ROS 2) or .rrd (for
-    Rerun); -: CSV to standard output, and the summary to stderr; none: poses.csv is answered in poses.path.csv, - in
-    -."""
+    Rerun), of --batch the first three; -: CSV to standard output, and the summary to stderr; none: poses.csv is
+    answered in poses.path.csv, - in -."""
     picture: Maybe[Path] = None
     """Draw joints, speeds, errors, condition number and swivel angle into this .png, .svg or .pdf."""
     animation: Maybe[Path] = None
@@ -114,28 +123,30 @@ class Track:
         from maira_qp.apps.arguments.output import VERDICTS, Units, console, print_json, progress_bar
         from maira_qp.solvers.solver import Solver
 
-        self._check_flags()
+        file = self._check_flags()
         seed, robot = checked_seed(self.seed), self.choice.load_with_one_tip(degrees=self.deg, millimetres=self.mm)
         units, solver = Units(robot, self.deg, self.mm), Solver(robot, task=self._task(), options=self.options)
-        poses = self._read(robot, units)
-        q0 = self._start(poses, units)
-        step = None if self.max_step is None else _limits(self.max_step, "--max-step", units)
-        limits = self._motion_limits(units)
-        output = self.output or beside(self.poses, "path")
+        poses = self._read(file, robot, units)
+        output = self.output or beside(file, "path")
+        arguments = {
+            "dt": self.dt,
+            "max_step": None if self.max_step is None else _limits(self.max_step, "--max-step", units),
+            "max_reconfigurations": self.max_reconfigurations,
+            "loop": self.loop,
+            "seed": seed,
+        }
+        if self.batch is not None:
+            from maira_qp.apps.commands.track_batch import PathBatch
+
+            q0 = self._start(poses, units) if self.q0 is not None else None
+            batch = PathBatch(poses=poses, column=self.by, output=output, q0=q0, arguments=arguments)
+            return batch.run(solver, units, json=self.json)
+        q0, limits = self._start(poses, units), self._motion_limits(units)
         is_streamed = output == STANDARD
         self._check_files(output, poses)
         begin, targets = time.monotonic(), poses.targets(slice(None), np.ones(len(poses), dtype=bool))
         with progress_bar("following") as progress:
-            path = solver.track(
-                targets,
-                q0,
-                self.dt,
-                max_step=step,
-                max_reconfigurations=self.max_reconfigurations,
-                loop=self.loop,
-                seed=seed,
-                progress=progress,
-            )
+            path = solver.track(targets, q0, progress=progress, **arguments)
         whole = bool(path) and not path.reconfigurations
         trajectory = path.timed(**limits) if self.timed and whole else None
         seconds = time.monotonic() - begin
@@ -157,21 +168,30 @@ class Track:
             return None
         return PoseTask(orientation_weight=[float(axis != self.free_axis) for axis in "xyz"], axes="target")
 
-    def _check_flags(self) -> None:
-        """Raises `OptionError` for flags that make no sense together."""
+    def _check_flags(self) -> Path:
+        """The file to read. Raises `OptionError` for flags that make no sense together."""
+        file = self.poses if self.batch is None else self.batch
+        if file is None:
+            raise OptionError("give the file of a path, or --batch FILE with many paths")
+        if self.batch is not None and self.poses is not None:
+            raise OptionError(f"{self.poses} and --batch {self.batch} are both files to follow; leave one out")
+        of_one = {"--timed": self.timed, "--picture": self.picture, "--animation": self.animation}
+        if self.batch is not None and any(of_one.values()):
+            raise OptionError(f"{next(flag for flag in of_one if of_one[flag])} is of one path; leave out --batch")
         of_timing = {name: getattr(self, name) for name in ("velocity", "acceleration", "jerk", "tool_speed")}
         given = [f"--{name.replace('_', '-')}" for name, value in of_timing.items() if value is not None]
         if given and not self.timed:
             raise OptionError(f"{' and '.join(given)} only {'counts' if len(given) == 1 else 'count'} with --timed")
         if not 0 < self.sample_time < np.inf:
             raise OptionError(f"--sample-time must be a positive number of seconds, got {self.sample_time}")
+        return file
 
-    def _read(self, robot: Robot, units: Units) -> Poses:
+    def _read(self, file: Path, robot: Robot, units: Units) -> Poses:
         """The poses. Raises `PoseError` for a row without one, and for a file without rows."""
-        from maira_qp.io.poses import read_poses
+        from maira_qp.io.poses import blocks, read_poses
         from maira_qp.problem.targets import FARTHEST
 
-        name, stream = name_and_stream(self.poses)
+        name, stream = name_and_stream(file)
         poses = read_poses(
             name,
             robot.joint_names,
@@ -184,10 +204,12 @@ class Track:
         )
         if not len(poses):
             raise PoseError(f"{name} holds no pose: a path needs at least one")
-        numbers = poses.table.numbers()[:, : len(poses.layout.pose)]
-        valid = np.isfinite(numbers).all(axis=1)  # starts after the first row may be missing
-        for row in np.flatnonzero(~valid)[:1].tolist():
-            raise PoseError(f"{poses.table.where(row)}: a cell is empty or not finite; a path needs every pose")
+        for rows in blocks(len(poses)):
+            numbers = poses.table.numbers(rows)[:, : len(poses.layout.pose)]
+            valid = np.isfinite(numbers).all(axis=1)  # starts after the first row may be missing
+            for row in np.flatnonzero(~valid)[:1].tolist():
+                where = poses.table.where(rows.start + row)
+                raise PoseError(f"{where}: a cell is empty or not finite; a path needs every pose")
         return poses
 
     def _start(self, poses: Poses, units: Units) -> np.ndarray | None:
