@@ -34,6 +34,8 @@ class Card:
     headings: Sequence[str] = ()
     rows: Sequence[Sequence[str]] = ()
     """In a notebook: a table"""
+    further_rows: int = 0
+    """How many rows it would have beyond these"""
 
     @property
     def text(self) -> str:
@@ -56,8 +58,9 @@ class Card:
                 f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in self.rows[:ROWS]
             )
             parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
-        if len(self.rows) > ROWS:
-            parts.append(f"<div>and {len(self.rows) - ROWS} more</div>")
+        left = max(len(self.rows) - ROWS, 0) + self.further_rows
+        if left:
+            parts.append(f"<div>and {left:,} more</div>")
         return "".join(parts)
 
 

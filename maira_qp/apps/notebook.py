@@ -17,6 +17,7 @@ from __future__ import annotations
 import html
 import sys
 import time
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from maira_qp.errors import OptionError, shown
@@ -79,6 +80,21 @@ def view(robot: Robot, *, height: int = 600, port: int = 0) -> ViewerCell:
     return ViewerCell(Viewer(robot, port=port), height)
 
 
+@dataclass(frozen=True, repr=False)
+class _Bar:
+    """One picture of a bar; where there is no HTML, its text."""
+
+    text: str
+    done: int
+    total: int
+
+    def _repr_html_(self) -> str:
+        return f'<progress value="{self.done}" max="{self.total}"></progress> {html.escape(self.text)}'
+
+    def __repr__(self) -> str:
+        return self.text
+
+
 class ProgressBar:
     """A bar for `progress=` of long calls: in a notebook a bar below the cell, elsewhere a line of the terminal."""
 
@@ -112,10 +128,10 @@ class ProgressBar:
         return shell is not None and getattr(shell, "kernel", None) is not None
 
     def _show(self, text: str, done: int, total: int) -> None:
-        from IPython.display import HTML, display  # type: ignore[import-not-found]
+        from IPython.display import display  # type: ignore[import-not-found]
 
-        bar = f'<progress value="{done}" max="{total}"></progress> {html.escape(text)}'
+        bar = _Bar(text, done, total)
         if self._handle is None:
-            self._handle = display(HTML(bar), display_id=True)
+            self._handle = display(bar, display_id=True)
         else:
-            self._handle.update(HTML(bar))
+            self._handle.update(bar)

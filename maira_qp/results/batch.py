@@ -197,6 +197,7 @@ class BatchSolution(Answer):
             ),
             headings=("", "status", "position error [m]", "orientation error [rad]", *self.joint_names),
             rows=[(str(i), *_row(one)) for i, one in enumerate(self[:SHOWN])],
+            further_rows=max(len(self) - SHOWN, 0),
         )
 
     def _spread_of(self, part: str) -> str:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import contextlib
 import hmac
 import http
-import io
 import ipaddress
 import socket
 from collections.abc import Callable, Iterator
@@ -20,6 +19,7 @@ from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+import rich
 import viser
 import websockets.asyncio.server
 from websockets.asyncio.server import ServerConnection
@@ -122,6 +122,17 @@ def guarded(gate: Gate) -> Iterator[None]:
         raise OptionError("this version of viser cannot be kept from other pages: install viser 1.1")
 
 
+@contextlib.contextmanager
+def silenced() -> Iterator[None]:
+    """Within, rich prints nothing: viser has it say, in a terminal or a notebook, when it starts and stops."""
+    console = rich.get_console()
+    was, console.quiet = console.quiet, True
+    try:
+        yield
+    finally:
+        console.quiet = was
+
+
 def start_server(host: str, port: int, token: str | None) -> viser.ViserServer:
     """A server behind a gate, without words on the terminal, and without a button to share it with the world.
 
@@ -129,7 +140,7 @@ def start_server(host: str, port: int, token: str | None) -> viser.ViserServer:
     """
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     socket.create_server((host, 0), family=family).close()  # viser would look for a free port for ever
-    with contextlib.redirect_stdout(io.StringIO()), guarded(Gate(host, token)):
+    with silenced(), guarded(Gate(host, token)):
         server = viser.ViserServer(host=host, port=port, verbose=False)
     server.gui.configure_theme(
         show_logo=False, show_share_button=False, control_width="medium", brand_color=(41, 115, 204)

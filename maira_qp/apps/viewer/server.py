@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import io
 import logging
 import socket
 import tempfile
@@ -15,7 +14,7 @@ import numpy as np
 import viser
 
 from maira_qp.apps.arguments.robot_choice import RobotChoice
-from maira_qp.apps.viewer.access import start_server
+from maira_qp.apps.viewer.access import silenced, start_server
 from maira_qp.apps.viewer.drawing.camera import Ball, Stand
 from maira_qp.apps.viewer.drawing.layers import Layer
 from maira_qp.apps.viewer.drawing.scene import Scene
@@ -94,7 +93,7 @@ class Viewer:
     def close(self) -> None:
         """The arm stops, and the tabs are left alone."""
         self._loop.stop()
-        with contextlib.redirect_stdout(io.StringIO()):
+        with silenced():
             self._server.stop()
 
     # What the panel asks

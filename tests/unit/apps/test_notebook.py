@@ -1,5 +1,6 @@
 """The viewer in a cell, and progress bars, without a notebook: what a cell is given to show."""
 
+import io
 import re
 import sys
 import types
@@ -7,6 +8,7 @@ from urllib.request import urlopen
 
 import numpy as np
 import pytest
+import rich
 
 import maira_qp as mq
 from maira_qp.apps.notebook import ProgressBar, view
@@ -26,6 +28,18 @@ def test_a_cell_frames_the_page_of_the_robot_with_its_tool():
         np.testing.assert_allclose(cell.q, np.clip(cell.q, robot.lower, robot.upper))
     finally:
         cell.close()
+
+
+def test_the_viewer_says_nothing_when_it_starts_and_ends():
+    """Neither on the standard output nor where rich writes to, which in a notebook is the cell."""
+    pytest.importorskip("viser")
+    said = io.StringIO()
+    rich.reconfigure(file=said)
+    try:
+        view(mq.Robot.maira()).close()
+    finally:
+        rich.reconfigure()
+    assert said.getvalue() == ""
 
 
 @pytest.mark.parametrize(
@@ -49,11 +63,12 @@ def test_in_a_notebook_one_picture_is_renewed(monkeypatch):
 
     shell = types.SimpleNamespace(kernel=object())
     monkeypatch.setitem(sys.modules, "IPython", types.SimpleNamespace(get_ipython=lambda: shell))
-    monkeypatch.setitem(sys.modules, "IPython.display", types.SimpleNamespace(HTML=str, display=display))
+    monkeypatch.setitem(sys.modules, "IPython.display", types.SimpleNamespace(display=display))
     solver = mq.Solver(mq.Robot.maira())
     target = mq.pose([0.4, 0.2, 0.9], quaternion=[0, 1, 0, 0])
     solver.solve_batch([target] * 3, progress=ProgressBar("<solve>"))
-    assert shown[-1] == '<progress value="3" max="3"></progress> &lt;solve&gt; 3 of 3'
+    assert shown[-1]._repr_html_() == '<progress value="3" max="3"></progress> &lt;solve&gt; 3 of 3'
+    assert repr(shown[-1]) == "<solve> 3 of 3"
 
 
 def test_elsewhere_it_is_a_line_of_the_terminal(capsys):

@@ -79,6 +79,13 @@ def test_names_are_escaped_in_html_and_lose_their_middle_in_text():
     assert max(map(len, card.text.splitlines())) <= 80
 
 
+def test_of_a_long_batch_a_notebook_has_some_rows_and_says_how_many_more_there_are(batch):
+    many = batch[[0] * 1500]
+    assert many._repr_html_().count("CONVERGED</td>") == 10
+    assert "and 1,490 more" in many._repr_html_()
+    assert "more" not in batch._repr_html_()
+
+
 def test_a_status_prints_its_name_and_counts_as_its_number(batch):
     enums = [value for value in vars(mq).values() if isinstance(value, type) and issubclass(value, IntEnum)]
     assert mq.Status in enums
