@@ -1,1 +1,1 @@
-"""Files of poses and of the answers to them: CSV, NPZ and Parquet; whole or absent."""
+"""Files of poses and of the answers to them: CSV, NPY, NPZ and Parquet; whole or absent."""

@@ -13,6 +13,7 @@ import numpy as np
 from maira_qp.errors import OptionError
 from maira_qp.io.atomic_write import replacing
 from maira_qp.io.csv_table import CsvWriter
+from maira_qp.io.npy_table import NpyWriter
 from maira_qp.io.npz_table import NpzTable, NpzWriter
 from maira_qp.io.parquet_table import ParquetWriter
 from maira_qp.io.poses import check_format
@@ -30,7 +31,7 @@ Answered = tuple[slice, Mapping[str, np.ndarray]]
 """Some rows of a table, and the answers to them."""
 Names = Callable[[bool], Sequence[str]]
 """The names of answers, in an archive (True) or as columns (False)."""
-WRITERS = {".csv": CsvWriter, ".npz": NpzWriter, ".parquet": ParquetWriter}
+WRITERS = {".csv": CsvWriter, ".npy": NpyWriter, ".npz": NpzWriter, ".parquet": ParquetWriter}
 """By the end of a file's name."""
 
 

@@ -43,12 +43,12 @@ class NpzTable(Table):
             shapes["q0"] = (len(self.arrays[poses]) if self.arrays[poses].ndim else None, len(joint_names))
             labels["q0"] = tuple(START + joint for joint in joint_names)
         for name, shape in shapes.items():
-            _check_numbers(self.arrays[name], shape, f"{path}: array {name!r}")
+            check_numbers(self.arrays[name], shape, f"{path}: array {name!r}")
         self._count = len(self.arrays[poses])
         rows = {name: array for name, array in self.arrays.items() if array.shape[:1] == (self._count,)}
         self.left_out = [name for name in self.arrays if name not in rows]
         """Arrays without an entry for each row: no columns, and so not in a file of another format."""
-        self._labels = {name: _labels(name, array.shape, labels.get(name)) for name, array in rows.items()}
+        self._labels = {name: labels.get(name) or labels_of(name, array.shape) for name, array in rows.items()}
         self.names = [label for each in self._labels.values() for label in each]
         self._chosen = tuple(choose(self.names))
 
@@ -95,7 +95,7 @@ class NpzWriter:
         asked = {} if isinstance(self._table, NpzTable) else self._table.columns(rows)
         self._done = rows.indices(len(self._table))[1]
         for name, values in itertools.chain(asked.items(), answers.items()):
-            self._spools[name].append(_without_objects(values))
+            self._spools[name].append(without_objects(values))
 
     def close(self, extra: Mapping[str, np.ndarray] | None = None) -> None:
         """Write the archive, with further arrays. Raises `OSError`."""
@@ -106,7 +106,7 @@ class NpzWriter:
             for name, spool in self._spools.items():
                 _write_array(archive, name, spool.rows(), None, spool.dtype)
             for name, array in (extra or {}).items():
-                _write_array(archive, name, [_without_objects(array)], None)
+                _write_array(archive, name, [without_objects(array)], None)
 
 
 def write_npz(file: BinaryIO, table: Table, answers: Mapping[str, np.ndarray]) -> None:
@@ -190,7 +190,7 @@ def _place(file: BinaryIO, entry: zipfile.ZipInfo) -> int:
     return entry.header_offset + 30 + int.from_bytes(header[26:28], "little") + int.from_bytes(header[28:30], "little")
 
 
-def _check_numbers(array: Any, shape: tuple[int | None, ...], name: str) -> None:
+def check_numbers(array: Any, shape: tuple[int | None, ...], name: str) -> None:
     """Shape and kind; what the numbers are is the matter of each row."""
     fits = array.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, array.shape, strict=True))
     if not fits or array.dtype.kind not in "iuf":
@@ -198,16 +198,14 @@ def _check_numbers(array: Any, shape: tuple[int | None, ...], name: str) -> None
         raise PoseError(f"{name} must hold numbers ({wanted}), not {array.dtype.name} {array.shape}")
 
 
-def _labels(name: str, shape: tuple[int, ...], labels: Sequence[str] | None) -> Sequence[str]:
+def labels_of(name: str, shape: tuple[int, ...]) -> Sequence[str]:
     """The names of the columns that an array (N, ...) makes."""
     if len(shape) == 1:
         return [name]
-    if labels is not None:
-        return labels
     return ["_".join([name, *map(str, place)]) for place in itertools.product(*map(range, shape[1:]))]
 
 
-def _without_objects(values: Any) -> np.ndarray:
+def without_objects(values: Any) -> np.ndarray:
     """Values as an array that needs no pickle: numbers, NaN where there is none, or else text."""
     if isinstance(values, np.ma.MaskedArray):
         return values.astype(float).filled(np.nan)

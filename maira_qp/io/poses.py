@@ -13,12 +13,13 @@ import numpy as np
 from maira_qp.errors import OptionError, PoseError
 from maira_qp.io.columns import Layout, layout
 from maira_qp.io.csv_table import CsvTable
+from maira_qp.io.npy_table import NpyTable
 from maira_qp.io.npz_table import NpzTable
 from maira_qp.io.parquet_table import ParquetTable, check_pyarrow
 from maira_qp.io.table import Choose, Table
 from maira_qp.orientation import ORTHONORMAL_WITHIN, ROUNDED_WITHIN, exact_rotation, matrix_from_quaternion
 
-FORMATS = (".csv", ".npz", ".parquet")
+FORMATS = (".csv", ".npy", ".npz", ".parquet")
 BLOCK = 20_000
 """Poses are made and solved in blocks of so many, which bounds the memory; no answer depends on it."""
 Name = Callable[[int], str]
@@ -111,7 +112,7 @@ def read_poses(
     """The poses of a file.
 
     Args:
-        path: .csv, .npz or .parquet.
+        path: .csv, .npy, .npz or .parquet.
         joint_names: n names, for the columns of the start; None: no column is one.
         radian: one radian in the unit of the file.
         metre: one metre in the unit of the file.
@@ -152,7 +153,9 @@ def _read(path: Path, choose: Choose, joint_names: Sequence[str], stream: Binary
     suffix = path.suffix.lower()
     if suffix == ".csv" or stream is not None:
         return CsvTable(path, choose, stream)
-    return NpzTable(path, choose, joint_names) if suffix == ".npz" else ParquetTable(path, choose)
+    if suffix == ".npz":
+        return NpzTable(path, choose, joint_names)
+    return NpyTable(path, choose) if suffix == ".npy" else ParquetTable(path, choose)
 
 
 def _transformations(

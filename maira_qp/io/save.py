@@ -18,6 +18,7 @@ import numpy as np
 from maira_qp.errors import OptionError, listed, shown
 from maira_qp.io.atomic_write import replacing
 from maira_qp.io.csv_table import write_csv
+from maira_qp.io.npy_table import write_npy
 from maira_qp.io.npz_table import write_npz
 from maira_qp.io.parquet_table import check_pyarrow, write_parquet
 from maira_qp.io.rerun_log import check_rerun, write_rerun
@@ -28,7 +29,15 @@ from maira_qp.results.trajectory import Trajectory
 
 Motion = PathSolution | Trajectory
 
-ENDINGS = {".ros.json": "ros", ".csv": "csv", ".npz": "npz", ".parquet": "parquet", ".json": "json", ".rrd": "rerun"}
+ENDINGS = {
+    ".ros.json": "ros",
+    ".csv": "csv",
+    ".npy": "npy",
+    ".npz": "npz",
+    ".parquet": "parquet",
+    ".json": "json",
+    ".rrd": "rerun",
+}
 """Formats by the end of a file's name, the longer ends first."""
 
 
@@ -65,18 +74,19 @@ def save(
 ) -> Path:
     """Write a path or a trajectory to a file, whole or not at all; missing folders are made. Returns its path.
 
-    CSV and Parquet have a row for each pose or sample; NPZ has the same as arrays, with q (N, n) and `joint_names`;
-    JSON is `result.as_dict()`. Units are those of the result: m, rad, s, unless other ones are asked for.
+    CSV and Parquet have a row for each pose or sample, NPY an array with their columns as fields; NPZ has the same as
+    arrays, with q (N, n) and `joint_names`; JSON is `result.as_dict()`. Units are those of the result: m, rad, s,
+    unless other ones are asked for.
 
     Args:
         result: a `PathSolution` or `Trajectory`.
         file: path to write to.
-        format: "csv", "npz", "parquet", "json", "ros" or "rerun"; None: by the end of the file's name, .csv, .npz,
-            .parquet, .json, .ros.json or .rrd. "ros": the message `trajectory_msgs/JointTrajectory` as JSON; of a path
-            it needs the times that `track(..., dt=...)` says. "rerun": joints, errors and the arm over time for the
-            Rerun viewer (`maira-qp[rerun]`).
-        degrees: angles of CSV, Parquet and NPZ in degrees, as headings such as "q_joint1 [deg]" say, of NPZ the array
-            `q_units`. JSON, ROS and Rerun have radians always.
+        format: "csv", "npy", "npz", "parquet", "json", "ros" or "rerun"; None: by the end of the file's name, .csv,
+            .npy, .npz, .parquet, .json, .ros.json or .rrd. "ros": the message `trajectory_msgs/JointTrajectory` as
+            JSON; of a path it needs the times that `track(..., dt=...)` says. "rerun": joints, errors and the arm over
+            time for the Rerun viewer (`maira-qp[rerun]`).
+        degrees: angles of CSV, NPY, NPZ and Parquet in degrees, as headings such as "q_joint1 [deg]" say, of NPZ the
+            array `q_units`. JSON, ROS and Rerun have radians always.
         millimetres: lengths of these in millimetres, as headings say.
 
     Raises `OptionError` for another format or name, a format whose extra is not installed, a path without times, and a
@@ -166,6 +176,10 @@ def _write_parquet(file: BinaryIO, result: Motion, units: TableUnits) -> None:
     write_parquet(file, ColumnTable(flat_columns(result, units)), {})
 
 
+def _write_npy(file: BinaryIO, result: Motion, units: TableUnits) -> None:
+    write_npy(file, ColumnTable(flat_columns(result, units)), {})
+
+
 def about_joints(result: Motion, units: TableUnits) -> dict[str, np.ndarray]:
     """What an archive says of the joints (n,): their names, and their units where these are not m and rad."""
     names = {"joint_names": np.array(result.joint_names, dtype=str)}
@@ -198,6 +212,7 @@ def _write_rerun(file: BinaryIO, result: Motion, _: TableUnits) -> None:
 
 WRITERS: dict[str, Callable[[BinaryIO, Motion, TableUnits], None]] = {
     "csv": _write_csv,
+    "npy": _write_npy,
     "npz": _write_npz,
     "parquet": _write_parquet,
     "json": _write_json,

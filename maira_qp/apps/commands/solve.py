@@ -41,7 +41,8 @@ class Solve:
     With --batch a file of poses, one a row. CSV and Parquet have columns x, y, z with qw, qx, qy, qz (scalar first) or
     with roll, pitch, yaw, or alone: then the orientation is free; or m00, m01, ... m23, the rows of the 4x4 matrix.
     Optionally a start q0_<joint> for each joint; further columns are carried along. NPZ has an array targets (N, 4, 4),
-    optionally q0 (N, n). A row with an empty cell or NaN is not solved: its status is INVALID_TARGET.
+    optionally q0 (N, n); NPY is an array (N, 4, 4), or one with these columns as its fields. A row with an empty cell
+    or NaN is not solved: its status is INVALID_TARGET.
 
     The answers stand behind what the file held: success, status, position_error [m], orientation_error [rad, empty
     where it is free], iterations, restarts, condition_number, left_q0 (whether the answer left its start for a better
@@ -68,10 +69,10 @@ class Solve:
     choice: RobotFlags = field(default_factory=RobotChoice)
     pose: PoseFlags = field(default_factory=PoseChoice)
     batch: Maybe[Path] = None
-    """File with many poses, .csv, .npz or .parquet, in place of one; -: CSV from standard input."""
+    """File with many poses, .csv, .npy, .npz or .parquet, in place of one; -: CSV from standard input."""
     output: Maybe[Path] = None
-    """File of the answers to --batch, .csv, .npz or .parquet; -: CSV to standard output, and the summary to stderr;
-    none: poses.csv is answered in poses.solved.csv, - in -."""
+    """File of the answers to --batch, .csv, .npy, .npz or .parquet; -: CSV to standard output, and the summary to
+    stderr; none: poses.csv is answered in poses.solved.csv, - in -."""
     threads: Maybe[int] = None
     """Threads that solve --batch; >= 1; none: one a processor. No answer depends on it."""
     all: Flag = False

@@ -65,7 +65,7 @@ class Track:
         3  not followed whole: a pose is proved to be out of reach"""
 
     poses: Annotated[Path | None, UNSAID, tyro.conf.Positional] = None
-    """File of the poses, .csv, .npz or .parquet; -: CSV from standard input."""
+    """File of the poses, .csv, .npy, .npz or .parquet; -: CSV from standard input."""
     batch: Maybe[Path] = None
     """File of many paths, in place of one; -: CSV from standard input."""
     by: str = "path"
@@ -100,8 +100,8 @@ class Track:
     sample_time: float = 0.01
     """From sample to sample with --timed [s]; > 0."""
     output: Maybe[Path] = None
-    """File of the joint values, .csv, .npz, .parquet, .json, .ros.json (a JointTrajectory of ROS 2) or .rrd (for
-    Rerun), of --batch the first three; -: CSV to standard output, and the summary to stderr; none: poses.csv is
+    """File of the joint values, .csv, .npy, .npz, .parquet, .json, .ros.json (a JointTrajectory of ROS 2) or .rrd (for
+    Rerun), of --batch the first four; -: CSV to standard output, and the summary to stderr; none: poses.csv is
     answered in poses.path.csv, - in -."""
     picture: Maybe[Path] = None
     """Draw joints, speeds, errors, condition number and swivel angle into this .png, .svg or .pdf."""
@@ -112,7 +112,7 @@ class Track:
     options: SolverFlags = field(default_factory=Options)
     deg: Flag = False
     """Angles in degrees: on the command line, in the file of the poses, in what is printed, and in an --output of CSV,
-    NPZ or Parquet, as its headings say. Tolerances, JSON, ROS and Rerun stay in rad."""
+    NPY, NPZ or Parquet, as its headings say. Tolerances, JSON, ROS and Rerun stay in rad."""
     mm: Flag = False
     """Lengths in millimetres, in the same places; tolerances, JSON, ROS and Rerun stay in m."""
     json: Flag = False

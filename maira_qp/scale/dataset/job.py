@@ -18,6 +18,7 @@ import numpy as np
 
 from maira_qp.arrays import is_count
 from maira_qp.errors import OptionError, listed, shown
+from maira_qp.io.poses import FORMATS
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.options import Options
 from maira_qp.problem.redundancy import Strict
@@ -85,7 +86,7 @@ class DatasetJob(Job):
             rows: how many poses, >= 1; None: all of a file.
             poses: "workspace": uniform over the ball that holds all that can be reached, and over all rotations;
                 "configurations": of configurations uniform within the limits, so that each can be reached; "paths": 128
-                after another along each of random motions; or a file of poses, .csv, .npz or .parquet, as
+                after another along each of random motions; or a file of poses, .csv, .npy, .npz or .parquet, as
                 `maira-qp solve --batch` reads them, which has to stay the same until the job is finished.
             labels: "any" configuration that reaches a pose, as `Solver(robot)` finds it; "posture": the one nearest to
                 the middle of the limits, as `Strict(Posture())` does; "all": a row for each solution that
@@ -217,11 +218,11 @@ class DatasetJob(Job):
 
 def _source(given: Any) -> tuple[str, dict[str, Any] | None]:
     """Where poses come from, and what is to be known of a file. Raises `OptionError`, `PoseError`."""
-    if isinstance(given, os.PathLike) or (isinstance(given, str) and Path(given).suffix.lower() in sources.FORMATS):
+    if isinstance(given, os.PathLike) or (isinstance(given, str) and Path(given).suffix.lower() in FORMATS):
         return "file", sources.described(Path(given))
     if given not in sources.RANDOM:
         raise OptionError(
-            f"poses cannot be {shown(given)}; {listed(sources.RANDOM, given)}; or a file, {', '.join(sources.FORMATS)}"
+            f"poses cannot be {shown(given)}; {listed(sources.RANDOM, given)}; or a file, {', '.join(FORMATS)}"
         )
     return given, None
 

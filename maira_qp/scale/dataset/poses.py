@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from maira_qp.errors import JobError, PoseError
+from maira_qp.io.poses import read_poses
 from maira_qp.robots.model.robot import Robot, drawn
 
 RANDOM = ("workspace", "configurations", "paths")
-FORMATS = (".csv", ".npz", ".parquet")
 GROUP = 1024
 """Rows with one random stream."""
 PATH = 128
@@ -84,8 +84,6 @@ def opened(path: str, sha256: str) -> Any:
 
 
 def _read(path: str) -> Any:
-    from maira_qp.io.poses import read_poses
-
     return read_poses(Path(path), None)
 
 

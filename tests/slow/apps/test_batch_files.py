@@ -175,6 +175,15 @@ def test_rows_come_back_to_the_letter(run, tmp_path):
     assert len(read(tmp_path / "poses.solved.csv")["id"]) == 3
 
 
+def test_an_array_is_answered_by_one_with_fields(run, asked, maira, tmp_path):
+    np.save(tmp_path / "poses.npy", asked[0])
+    assert run(tmp_path / "poses.npy")[0] == 0
+    found, batch = np.load(tmp_path / "poses.solved.npy"), mq.Solver(maira).solve_batch(asked[0])
+    np.testing.assert_array_equal(np.stack([found[f"q_{joint}"] for joint in maira.joint_names], axis=1), batch.q)
+    assert found["status"].tolist() == batch.status_names.tolist()
+    np.testing.assert_array_equal(found["m03"], asked[0][:, 0, 3])
+
+
 @pytest.mark.parametrize("target", FORMATS)
 @pytest.mark.parametrize("source", FORMATS)
 def test_answers_in_another_format(run, tmp_path, maira, asked, source, target):
@@ -574,7 +583,7 @@ def test_files_that_are_not_what_their_name_says(run, tmp_path, asked, monkeypat
     """Cut off, another format, missing, a folder, an unknown ending: told in one line, as is a missing pyarrow."""
     T, _ = asked
     (tmp_path / "poses.txt").write_text(HEADER)
-    assert ".csv, .npz, .parquet" in misuse(run(tmp_path / "poses.txt"))
+    assert ".csv, .npy, .npz, .parquet" in misuse(run(tmp_path / "poses.txt"))
     assert "none.csv" in misuse(run(tmp_path / "none.csv"))
     assert "none.npz" in misuse(run(tmp_path / "none.npz"))
     (tmp_path / "folder.csv").mkdir()
@@ -626,7 +635,7 @@ def test_the_file_of_the_poses_is_never_written(run, tmp_path):
     for name in ("poses.csv", "link.csv", "hard.csv", "folder.csv", "pipe.csv", "poses.csv/answers.csv"):
         assert name in misuse(run(path, "--output", tmp_path / name))
     assert path.read_text() == HEADER + ROW
-    assert ".csv, .npz, .parquet" in misuse(run(path, "--output", "/dev/null"))
+    assert ".csv, .npy, .npz, .parquet" in misuse(run(path, "--output", "/dev/null"))
 
 
 @contextmanager
@@ -744,6 +753,7 @@ def test_memory_does_not_grow_with_the_file(run, tmp_path, asked, kind, monkeypa
     monkeypatch.setattr(poses, "BLOCK", 250)
     monkeypatch.setattr(csv_table, "CHUNK", 250)
     monkeypatch.setattr("maira_qp.io.npz_table.ROWS", 250)
+    monkeypatch.setattr("maira_qp.io.parquet_table.LEAST", 250)
     peaks = []
     for count in (500, 500, 4000):  # the first is for what is made once
         T = np.resize(asked[0], (count, 4, 4))

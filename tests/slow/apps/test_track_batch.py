@@ -46,7 +46,10 @@ def columns_of(names=tuple(COUNTS)):
 
 
 def write(path, columns, T=None):
-    if path.suffix == ".npz":
+    if path.suffix == ".npy":
+        kinds = [(name, np.array(values).dtype) for name, values in columns.items()]
+        np.save(path, np.array(list(zip(*columns.values(), strict=True)), dtype=kinds))
+    elif path.suffix == ".npz":
         np.savez(path, targets=T, seam=columns["seam"], note=columns["note"])
     elif path.suffix == ".parquet":
         parquet.write_table(pyarrow.table(columns), path)
@@ -63,8 +66,12 @@ def read(path):
     if path.suffix == ".npz":
         with np.load(path) as found:
             return found["seam"].tolist(), found["note"].tolist(), found["success"], found["q"]
-    table = parquet.read_table(path).to_pydict() if path.suffix == ".parquet" else None
-    if table is None:
+    if path.suffix == ".npy":
+        table = np.load(path)
+        table = {name: table[name].tolist() for name in table.dtype.names}
+    elif path.suffix == ".parquet":
+        table = parquet.read_table(path).to_pydict()
+    else:
         with open(path, newline="") as file:
             rows = list(csv.DictReader(file))
         table = {name: [row[name] for row in rows] for name in rows[0]}
@@ -73,7 +80,7 @@ def read(path):
     return table["seam"], [int(each) for each in table["note"]], np.array(table["success"]), q
 
 
-@pytest.mark.parametrize("kind", ["csv", "npz", "parquet"])
+@pytest.mark.parametrize("kind", ["csv", "npy", "npz", "parquet"])
 def test_each_path_is_followed_as_if_it_were_alone(run, maira, tmp_path, kind):
     columns = columns_of()
     T = np.concatenate([poses_of(name) for name in COUNTS])

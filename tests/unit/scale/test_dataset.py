@@ -115,6 +115,7 @@ def asked(maira, rng, tmp_path):
     T = np.array([maira.forward(maira.random_configuration(rng)).homogeneous for _ in range(30)])
     T[17] = np.nan
     np.savez(tmp_path / "asked.npz", targets=T)
+    np.save(tmp_path / "asked.npy", T)
     return T
 
 
@@ -130,6 +131,8 @@ def test_poses_of_a_file(maira, asked, tmp_path):
     np.testing.assert_array_equal(q_of(columns, maira)[known], batch.q[known])
     table = parquet.read_table(tmp_path / "set" / "data")
     assert [table[name].null_count for name in ("x", "qw", "manipulability", "q_joint1", "success")] == [1, 1, 1, 1, 0]
+    run(DatasetJob.of(maira, poses=tmp_path / "asked.npy"), tmp_path / "same", engine="here")
+    assert parquet.read_table(tmp_path / "same" / "data").equals(table)
     with pytest.raises(OptionError, match="rows must be at most 30"):
         DatasetJob.of(maira, poses=tmp_path / "asked.npz", rows=31)
 

@@ -39,7 +39,7 @@ class Dataset:
     poses: str = "workspace"
     """workspace: uniform over the ball that holds all that can be reached, and over all rotations; configurations:
     those of joint values uniform within the limits; paths: 128 after another along each of random motions; or a file of
-    poses, .csv, .npz or .parquet, as those of solve --batch."""
+    poses, .csv, .npy, .npz or .parquet, as those of solve --batch."""
     labels: Literal["any", "posture", "all"] = "any"
     """any joint values that reach the pose; posture: those nearest to the middle of the limits; all: a row for each
     solution, at most 64."""

@@ -48,7 +48,7 @@ class Place:
         maira-qp place poses.csv --robot ur5 --step 0.2"""
 
     poses: tyro.conf.Positional[Path]
-    """File of the poses, .csv, .npz or .parquet; -: CSV from standard input."""
+    """File of the poses, .csv, .npy, .npz or .parquet; -: CSV from standard input."""
     choice: RobotFlags = field(default_factory=RobotChoice)
     map: Maybe[Path] = None
     """Folder of a finished map of maira-qp reach, which has its robot; none: no map is needed."""
