@@ -12,6 +12,7 @@ import numpy as np
 from maira_qp.arrays import plain
 from maira_qp.display import Card, Shown
 from maira_qp.results.status import Status
+from maira_qp.wording import Quantity, Wording, joined
 
 if TYPE_CHECKING:
     from maira_qp.results.certificate import Proof
@@ -149,8 +150,13 @@ class Explanation(Shown):
         """Names of the limits, pairs and rows that cost something."""
         return tuple(one.name for one in (*self.limits, *self.pairs, *self.rows) if one.multiplier > 0)
 
+    @property
+    def words(self) -> Wording:
+        """For people, as `str()`."""
+        return joined(" ", _sentences(self))
+
     def __str__(self) -> str:
-        return " ".join(_sentences(self))
+        return str(self.words)
 
     def _card(self) -> Card:
         return Card(
@@ -184,21 +190,23 @@ def _reasons(why: Explanation) -> Iterator[str]:
         yield "The target is reached, but accept rejected every configuration that was found to reach it."
         return
     if why.status is Status.LIMITS_BROKEN:
-        broken = " and ".join(f"{one.name} by {_amount(one.amount, one.unit)}" for one in why.broken)
-        yield f"No configuration was found that keeps the limits beside those of the joints: this one breaks {broken}."
-        yield f"It is {_off(why)} away from the target."
+        broken = joined(" and ", [Wording(one.name, " by ", _amount(one.amount, one.unit)) for one in why.broken])
+        found = "No configuration was found that keeps the limits beside those of the joints: this one breaks "
+        yield Wording(found, broken, ".")
+        yield Wording("It is ", _off(why), " away from the target.")
         return
     if why.status is Status.CONVERGED:
         yield "The target is reached."
     elif why.is_compromise:
-        yield f"The target can be reached, but the weight of the posture holds the tool {_off(why)} off it."
+        yield Wording("The target can be reached, but the weight of the posture holds the tool ", _off(why), " off it.")
     elif why.status is Status.UNREACHABLE:
-        proof = "" if why.proof is None else f": {why.proof.words}"
-        yield f"The target is proved to be out of reach{proof}; the answer is {_off(why)} away."
+        proof = "" if why.proof is None else Wording(": ", why.proof.words)
+        yield Wording("The target is proved to be out of reach", proof, "; the answer is ", _off(why), " away.")
     elif why.status is Status.NEAREST:
-        yield f"The answer is {_off(why)} away from the target, and nothing near it is closer."
+        yield Wording("The answer is ", _off(why), " away from the target, and nothing near it is closer.")
     else:
-        yield f"The answer is {_off(why)} away from the target; the budget was spent before a nearest point was found."
+        spent = " away from the target; the budget was spent before a nearest point was found."
+        yield Wording("The answer is ", _off(why), spent)
     if why.status is Status.CONVERGED or why.is_compromise:
         standing = (*why.limits, *why.rows)
         free = [limit.name for limit in standing if not limit.multiplier > 0]
@@ -210,14 +218,14 @@ def _reasons(why: Explanation) -> Iterator[str]:
                 yield f"It stands on {limit.name}, which costs {limit.multiplier:.3g} per {unit}."
         for pair in why.pairs:
             cost = f", which costs {pair.multiplier:.3g} per m" if pair.multiplier > 0 else ""
-            yield f"{_apart(pair)}{cost}."
+            yield Wording(_apart(pair), cost, ".")
         return
     if why.position_alone is not None:
-        short = f"{_amount(why.position_alone, 'm')} short of it"
+        short = Wording(_amount(why.position_alone, "m"), " short of it.")
         if why.is_stretched:
-            yield f"The arm is stretched out toward the target: in any orientation the tool ends {short}."
+            yield Wording("The arm is stretched out toward the target: in any orientation the tool ends ", short)
         elif why.position_alone > 0:
-            yield f"In any orientation the tool ends {short}."
+            yield Wording("In any orientation the tool ends ", short)
         else:
             yield "In another orientation the tool reaches the position."
     if why.is_reached_within:
@@ -227,18 +235,18 @@ def _reasons(why: Explanation) -> Iterator[str]:
         return
     names = " and ".join(why.blocking)
     if np.linalg.norm(why.blocked) > 0:
-        yield f"{names} {'block' if len(why.blocking) > 1 else 'blocks'} {_way(why.blocked)}."
+        yield Wording(f"{names} {'block' if len(why.blocking) > 1 else 'blocks'} ", _way(why.blocked), ".")
     else:
         yield f"{names} {'stand' if len(why.blocking) > 1 else 'stands'} in the way."
     for pair in why.pairs:
         if pair.multiplier > 0:
-            yield f"{_apart(pair)}."
+            yield Wording(_apart(pair), ".")
     alone = [limit for limit in why.limits if limit.further is not None]
     if alone:
         least = min(alone, key=lambda limit: limit.further or 0.0)
         joint, end = least.name.rsplit(" ", 1)
         further = _amount(least.further or 0.0, least.unit)
-        yield f"With {joint} {further} beyond its {end} limit the target would be reached."
+        yield Wording(f"With {joint} ", further, f" beyond its {end} limit the target would be reached.")
     elif why.is_reached_without:
         yield "Without these limits the target would be reached."
     elif why.is_unreachable_without:
@@ -248,11 +256,11 @@ def _reasons(why: Explanation) -> Iterator[str]:
         yield f"Without these limits it was not reached either, from {starts}."
 
 
-def _apart(pair: ActivePair) -> str:
+def _apart(pair: ActivePair) -> Wording:
     """How far two bodies are apart."""
     if pair.distance < 0:
-        return f"{pair.name} overlap by {_amount(-pair.distance, 'm')}"
-    return f"{pair.name} are {_amount(pair.distance, 'm')} apart"
+        return Wording(pair.name, " overlap by ", _amount(-pair.distance, "m"))
+    return Wording(pair.name, " are ", _amount(pair.distance, "m"), " apart")
 
 
 def _off(why: Explanation) -> str:
@@ -262,7 +270,7 @@ def _off(why: Explanation) -> str:
         for value, unit in ((why.position_error, "m"), (why.orientation_error, "rad"))
         if value > NEGLIGIBLE
     ]
-    return " and ".join(parts) or "nearly nothing"
+    return joined(" and ", parts) or "nearly nothing"
 
 
 def _way(displacement: np.ndarray) -> str:
@@ -276,14 +284,15 @@ def _way(displacement: np.ndarray) -> str:
             name = f"tool {'-' if share[axis] < 0 else ''}{'xyz'[axis]}"
             if abs(share[axis]) < MOSTLY:
                 name = f"({', '.join(f'{x + 0.0:.2f}' for x in share.round(2))}) of the tool"
-            parts.append(f"{_amount(size, unit)} {word} {name}")
-    return " and ".join(parts) or "nearly nothing"
+            parts.append(Wording(_amount(size, unit), f" {word} {name}"))
+    return joined(" and ", parts) or "nearly nothing"
 
 
-def _amount(value: float, unit: str) -> str:
+def _amount(value: float, unit: str) -> Quantity | str:
     """A length or an angle in the unit that people use, or a number of no known unit."""
     if not unit:
         return f"{value:.3g}"
     if unit == "rad":
-        return f"{math.degrees(value):.3g} degrees"
-    return f"{value:,.0f} m" if value >= 1000 else f"{value:.3g} m" if value >= 1 else f"{1e3 * value:.3g} mm"
+        return Quantity(value, unit, f"{math.degrees(value):.3g} degrees")
+    long = f"{value:,.0f} m" if value >= 1000 else f"{value:.3g} m"
+    return Quantity(value, unit, long if value >= 1 else f"{1e3 * value:.3g} mm")

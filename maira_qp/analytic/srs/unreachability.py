@@ -20,6 +20,7 @@ from maira_qp.analytic.srs.geometry import BRANCHES, SRS, Branch, checked_pose
 from maira_qp.kernels.layout import Arc
 from maira_qp.kernels.srs import swivel_intervals as blocked
 from maira_qp.kernels.srs import unreachability as verdict
+from maira_qp.wording import Quantity, Wording, joined
 
 Limit = Literal["lower", "upper", "no solution"]
 _LIMITS: tuple[Limit, ...] = ("lower", "upper", "no solution")
@@ -81,18 +82,20 @@ class SwivelProof:
     joint_names: tuple[str, ...]
 
     @property
-    def words(self) -> str:
+    def words(self) -> Wording:
         """For people."""
         near, far = self.reach
         if self.reason in (Reason.TOO_FAR, Reason.TOO_NEAR):
-            bound = f"at most {far:.4g}" if self.reason is Reason.TOO_FAR else f"at least {near:.4g}"
-            return f"the wrist would be {self.distance:.4g} m from the shoulder, where the arm spans {bound} m"
+            side, bound = ("at most", far) if self.reason is Reason.TOO_FAR else ("at least", near)
+            away, most = (Quantity(value, "m", f"{value:.4g} m") for value in (self.distance, bound))
+            return Wording("the wrist would be ", away, " from the shoulder, where the arm spans ", side, " ", most)
         if self.reason is Reason.ELBOW:
-            angles = sorted({float(np.degrees(branch.q4)) for branch in self.branches})
-            bends = " or ".join(f"{angle:.4g}" for angle in angles)
-            return f"the elbow, {self.joint_names[3]}, would have to be at {bends} degrees, outside its limits"
+            angles = sorted({float(branch.q4) for branch in self.branches})
+            degrees = [f"{np.degrees(q4):.4g}{' degrees' * (q4 == angles[-1])}" for q4 in angles]
+            bends = joined(" or ", [Quantity(q4, "rad", text) for q4, text in zip(angles, degrees, strict=True)])
+            return Wording(f"the elbow, {self.joint_names[3]}, would have to be at ", bends, ", outside its limits")
         names = [f"{self.joint_names[joint]} {limit}" for joint, limit in self.limits]
-        return f"wherever the elbow swivels to, a joint is beyond its limits: {', '.join(names)}"
+        return Wording(f"wherever the elbow swivels to, a joint is beyond its limits: {', '.join(names)}")
 
     @property
     def limits(self) -> tuple[tuple[int, Limit], ...]:

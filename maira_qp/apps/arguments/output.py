@@ -21,6 +21,7 @@ from rich.table import Table
 
 from maira_qp.arrays import plain, real_array
 from maira_qp.errors import ConfigurationError, OptionError
+from maira_qp.wording import SentenceUnits
 
 if TYPE_CHECKING:
     from maira_qp.robots.model.robot import Robot
@@ -85,6 +86,11 @@ class Units:
         self.angle, self.length = "deg" if degrees else "rad", "mm" if millimetres else "m"
         self.radian, self.metre = 180.0 / math.pi if degrees else 1.0, 1000.0 if millimetres else 1.0
         """One rad and one m in these units."""
+        self.sentences = SentenceUnits(
+            (lambda metres: f"{metres * self.metre:.4g} mm") if millimetres else None,
+            (lambda radians: f"{radians * self.radian:.4g} deg") if degrees else None,
+        )
+        """What sentences are written in, where a flag has asked for it"""
         self.joints = [self.length if slides else self.angle for slides in robot.slides]
         self._names = robot.joint_names
         self.scale = np.where(robot.slides, self.metre, self.radian)

@@ -19,6 +19,7 @@ from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.errors import OptionError
 from maira_qp.problem.options import Options
+from maira_qp.wording import in_units
 
 if TYPE_CHECKING:
     from maira_qp.apps.arguments.output import Units
@@ -182,7 +183,7 @@ def _show(robot: Robot, units: Units, s: Solution, hints: Sequence[str]) -> None
     out = console()
     out.print(f"{s.status.name}: {s.status.meaning}", style="bold green" if s.success else "bold yellow")
     if not s.success:
-        out.print(str(replace(s.explain(), hints=())))
+        out.print(in_units(replace(s.explain(), hints=()).words, units.sentences))
     for hint in hints:
         out.print(f"hint: {hint}", style="bold yellow")
     if s.success and not s.optimal:

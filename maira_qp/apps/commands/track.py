@@ -19,6 +19,7 @@ from maira_qp.apps.arguments.standard_streams import STANDARD, beside, name_and_
 from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.errors import OptionError, PoseError
 from maira_qp.problem.options import Options
+from maira_qp.wording import in_units
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -360,7 +361,7 @@ def _show(path: PathSolution, trajectory: Trajectory | None, found: dict[str, An
     else:
         place = found["first_failure_at"]
         out.print(f"followed up to pose {k} of {len(path)}, {place}", style="bold yellow", soft_wrap=True)
-        out.print(found["reason"])
+        out.print(in_units(found["reason"], units.sentences))
         parts = ", ".join(_in_words(first, end - 1) for first, end in path.parts[:PARTS])
         out.print(f"followed: {parts}{', ...' if len(path.parts) > PARTS else ''}" if parts else "followed: nothing")
     joints = Table()

@@ -24,6 +24,7 @@ from maira_qp.io.save import TableUnits
 from maira_qp.results.path_solution import PathSolution
 from maira_qp.solvers.paths.closed import check_closed
 from maira_qp.solvers.solver import Solver
+from maira_qp.wording import in_units
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,7 +158,7 @@ def _show(summary: dict[str, Any], units: Units, out: Console) -> None:
     out.print(f"followed whole: {summary['followed_whole']} of {summary['paths']} paths", style=style)
     if first is not None:
         out.print(f"the first that is not: {first['path']}, at {first['at']}", soft_wrap=True)
-        out.print(first["reason"])
+        out.print(in_units(first["reason"], units.sentences))
     table = Table(show_header=False)
     table.add_row("reached", f"{summary['reached']} of {summary['poses']} poses")
     table.add_row("reconfigurations", str(summary["reconfigurations"]))

@@ -12,6 +12,7 @@ import pinocchio as pin
 from maira_qp.errors import OptionError, shown
 from maira_qp.orientation import matrix_from_quaternion, quaternion_from_matrix
 from maira_qp.robots.urdf.rpy import matrix_from_rpy, rpy_from_matrix
+from maira_qp.wording import SentenceUnits
 
 MILLI = 1e3
 LEAST_LENGTH, LEAST_ANGLE = 1e-9, 1e-6
@@ -32,9 +33,13 @@ def length(metres: float) -> str:
 def angle(radians: float) -> str:
     """An angle in degrees as it is best read."""
     degrees = math.degrees(radians)
-    if degrees < LEAST_ANGLE:
+    if abs(degrees) < LEAST_ANGLE:
         return "< 0.000001°"
-    return f"{degrees:.6f}°" if degrees < 1e-2 else f"{degrees:.2f}°"
+    return f"{degrees:.6f}°" if abs(degrees) < 1e-2 else f"{degrees:.2f}°"
+
+
+UNITS = SentenceUnits(length, angle)
+"""Of sentences that are shown."""
 
 
 def listing(values: Iterable[float], decimals: int = DECIMALS) -> str:

@@ -9,6 +9,7 @@ from maira_qp.results.path_solution import PathFailure, Rules
 from maira_qp.results.solution import Solution
 from maira_qp.results.status import Status
 from maira_qp.robots.model.revolutions import TURN
+from maira_qp.wording import Quantity, Wording
 
 SINGULAR = 1e3
 """Condition number from which on a configuration is called singular."""
@@ -20,14 +21,14 @@ CLOSED = 1e-6
 
 def missed(index: int, solution: Solution) -> PathFailure:
     """A pose that is not reached, by the solution that was found instead."""
-    reason, proved = solution.status.meaning, solution.status == Status.UNREACHABLE
+    reason, proved = Wording(solution.status.meaning), solution.status == Status.UNREACHABLE
     if solution.status == Status.LIMITS_BROKEN:
-        reason += f": {', '.join(solution.broken_limits)}"
+        reason = Wording(reason, f": {', '.join(solution.broken_limits)}")
     elif not proved:
-        millimetres, degrees = 1e3 * solution.position_error, np.degrees(solution.orientation_error)
-        reason += f", {millimetres:.3g} mm and {degrees:.3g} deg away"
-        if solution.active_limits:
-            reason += f"; it stands on {', '.join(solution.active_limits)}"
+        off = Quantity(solution.position_error, "m", f"{1e3 * solution.position_error:.3g} mm")
+        turned = Quantity(solution.orientation_error, "rad", f"{np.degrees(solution.orientation_error):.3g} deg")
+        names = ", ".join(solution.active_limits)
+        reason = Wording(reason, ", ", off, " and ", turned, " away", f"; it stands on {names}" if names else "")
     return PathFailure(index, reason, is_step=False, is_proved=proved)
 
 
@@ -40,16 +41,24 @@ def broken(problem: Problem, q: np.ndarray, index: int, rules: Rules) -> PathFai
     if steps[joint] <= rules.step[joint] * (1.0 + ROUNDING):
         reason = f"no way was found to pose {index} along the path: the arm changes branches before it"
     elif rules.dt is not None and rules.step[joint] == robot.velocity_limit[joint] * rules.dt:
-        reason = (
-            f"no way was found on which {name} moves by less than {steps[joint] / rules.dt:.3g} {unit}/s to pose "
-            f"{index}; its velocity limit is {robot.velocity_limit[joint]:.3g} {unit}/s"
+        least, most = (_si(value, f"{unit}/s") for value in (steps[joint] / rules.dt, robot.velocity_limit[joint]))
+        reason = Wording(
+            f"no way was found on which {name} moves by less than ",
+            least,
+            f" to pose {index}; its velocity limit is ",
+            most,
         )
     else:
-        reason = (
-            f"no way was found on which {name} moves by less than {steps[joint]:.3g} {unit} to pose {index}; "
-            f"{rules.step[joint]:.3g} {unit} is allowed"
+        least, most = (_si(value, unit) for value in (steps[joint], rules.step[joint]))
+        reason = Wording(
+            f"no way was found on which {name} moves by less than ", least, f" to pose {index}; ", most, " is allowed"
         )
-    return PathFailure(index, reason + _circumstances(problem, before), is_step=True, is_proved=False)
+    return PathFailure(index, Wording(reason, _circumstances(problem, before)), is_step=True, is_proved=False)
+
+
+def _si(value: float, unit: str) -> Quantity:
+    """A quantity in a sentence, by itself in metres or radians."""
+    return Quantity(float(value), unit, f"{value:.3g} {unit}")
 
 
 def _circumstances(problem: Problem, q: np.ndarray) -> str:
@@ -76,8 +85,6 @@ def open_end(problem: Problem, q: np.ndarray) -> PathFailure | None:
     joint = int(gap.argmax())
     if gap[joint] <= CLOSED:
         return None
-    unit = "m" if robot.slides[joint] else "rad"
-    reason = (
-        f"no way was found whose end meets its beginning: {robot.joint_names[joint]} ends {gap[joint]:.3g} {unit} away"
-    )
+    name, away = robot.joint_names[joint], _si(gap[joint], "m" if robot.slides[joint] else "rad")
+    reason = Wording(f"no way was found whose end meets its beginning: {name} ends ", away, " away")
     return PathFailure(len(q) - 1, reason, is_step=False, is_proved=False)

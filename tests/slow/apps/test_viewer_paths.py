@@ -11,10 +11,12 @@ from maira_qp.apps.viewer.drawing.surroundings import MARGIN
 from maira_qp.apps.viewer.panel import readout
 from maira_qp.apps.viewer.paths import words
 from maira_qp.apps.viewer.paths.route import MOST_CORNERS, MOST_POSES, Route
+from maira_qp.apps.viewer.quantities import UNITS
 from maira_qp.apps.viewer.saving import save
 from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.view import Standing, View
 from maira_qp.errors import MairaError, OptionError, PoseError
+from maira_qp.wording import in_units
 
 DT = 1 / 60
 
@@ -46,7 +48,7 @@ def check(session: Session, view: View) -> None:
     is_reached = position < 1.1e-6 and orientation < 1.1e-6
     assert (view.standing is Standing.ON_PATH) == (is_reached and k not in {failure.index for failure in path.failures})
     assert f"pose {k} of 0 to {len(path) - 1}: {'reached' if is_reached else 'not reached'}" in text
-    assert all(failure.reason in text for failure in path.failures if failure.index == k)
+    assert all(in_units(failure.reason, UNITS) in text for failure in path.failures if failure.index == k)
 
 
 def moved(T: np.ndarray, *way: float) -> np.ndarray:
@@ -248,7 +250,9 @@ def test_a_step_that_breaks_is_named_and_proved(session):
     assert path.success.all()
     assert path.reconfigurations > 0
     assert (np.flatnonzero(view.path.followed.lost) + 1).tolist() == path.breaks.tolist()
-    assert path.reason in readout.path(view)
+    assert " rad" in path.reason
+    assert in_units(path.reason, UNITS) in readout.path(view)
+    assert " rad" not in readout.path(view)
     assert "not along the path" in readout.path(view)
     for index in (*path.breaks, path.first_failure):
         session.stand_at_next_failure()

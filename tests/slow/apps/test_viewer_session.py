@@ -14,6 +14,7 @@ from maira_qp.apps.viewer.drawing.surroundings import MARGIN, first_in_the_way
 from maira_qp.apps.viewer.motion.elbow import elbow_of
 from maira_qp.apps.viewer.motion.recording import Recording
 from maira_qp.apps.viewer.panel import readout
+from maira_qp.apps.viewer.quantities import length
 from maira_qp.apps.viewer.saving import save
 from maira_qp.apps.viewer.session import FARTHEST, Session
 from maira_qp.apps.viewer.start import bent_configuration
@@ -78,7 +79,10 @@ def test_why_a_target_is_not_reached_is_told_once_it_rests(maira):
     session.move_target(mq.pose([1000.0, 0, 0.4]).homogeneous)
     verdict = run(session, 1).verdict
     assert verdict.solution.status is mq.Status.UNREACHABLE
-    assert verdict.solution.proof.words in readout.reason(verdict)
+    away = length(verdict.solution.proof.distance)
+    assert away.endswith(" mm")
+    assert f"the wrist would be {away} from the shoulder, where the arm spans" in readout.reason(verdict)
+    assert " m " not in readout.readout(session.tick(DT))
     session.move_target(maira.forward(session.q).homogeneous)
     assert run(session, 1).verdict.reason is None
 

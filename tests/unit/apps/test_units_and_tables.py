@@ -106,6 +106,19 @@ def test_errors_of_a_solve_are_shown_in_the_units_asked_for(run):
     assert f"orientation error [deg] │ {si['orientation_error'] / DEG:.3g}" in cells
 
 
+def test_what_a_command_says_is_in_the_units_asked_for(run, tmp_path):
+    """The reason for which a pose, or a path, ends as it does."""
+    _, out, _ = run("solve", "--position", 3000, 0, 1000, "--mm", "--deg")
+    told = " ".join(out.split())
+    assert "would be 3033 mm from the shoulder, where the arm spans at most 1400 mm" in told
+    assert " m " not in told
+    assert "degrees" not in told
+    (tmp_path / "poses.csv").write_text("x,y,z,roll,pitch,yaw\n0.6,0,0.6,0,0,0\n-0.6,0,0.6,0,0,0\n")
+    for units, allowed in (((), "0.5 rad is allowed"), (("--deg",), "28.65 deg is allowed")):
+        _, out, _ = run("track", tmp_path / "poses.csv", *units, "--output", tmp_path / "out.csv")
+        assert allowed in " ".join(out.split())
+
+
 @pytest.mark.parametrize("units", [(), ("--mm", "--deg")])
 def test_a_tool_is_given_by_its_place_with_or_without_an_orientation(run, maira, units):
     metre, radian = (1.0, 1.0) if not units else (1 / MM, 1 / DEG)

@@ -25,7 +25,7 @@ from maira_qp.errors import OptionError
 def test_lengths_and_angles_are_in_units_that_can_be_read():
     lengths = {0.0: "< 1 nm", 2.7e-16: "< 1 nm", 3e-9: "3 nm", 5e-5: "50.0 µm", 2e-4: "0.2 mm", 1.5702: "1570.2 mm"}
     assert {value: length(value) for value in lengths} == lengths
-    degrees = {0.0: "< 0.000001°", 1e-7: "< 0.000001°", 3e-5: "0.000030°", 0.5: "0.50°", 180.0: "180.00°"}
+    degrees = {0.0: "< 0.000001°", 1e-7: "< 0.000001°", 3e-5: "0.000030°", -90.0: "-90.00°", 180.0: "180.00°"}
     assert {value: angle(np.radians(value)) for value in degrees} == degrees
     assert listing([1.5, -0.0, -1e-9, 1000.0, 0.1234567]) == "1.5, 0, 0, 1000, 0.123"
 

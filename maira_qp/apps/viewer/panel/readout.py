@@ -12,12 +12,13 @@ from maira_qp.apps.viewer.drawing.surroundings import MARGIN, Clearance, Overlap
 from maira_qp.apps.viewer.motion.elbow import Elbow
 from maira_qp.apps.viewer.motion.recording import Recording
 from maira_qp.apps.viewer.paths import words
-from maira_qp.apps.viewer.quantities import angle, length
+from maira_qp.apps.viewer.quantities import UNITS, angle, length
 from maira_qp.apps.viewer.session import Session
 from maira_qp.apps.viewer.view import Standing, View, limits_at
 from maira_qp.results.status import Status
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.analysis.explanation import Explanation
+from maira_qp.wording import in_units
 
 GOOD, POOR, BAD, QUIET = "#1a7f4b", "#b26a00", "#c92a2a", "#5c6670"
 SINGULAR = 1e6
@@ -61,8 +62,8 @@ def reason(verdict: Verdict) -> str:
     if why.is_compromise:
         return "the pose can be reached, but the weight of the posture holds the tool off it"
     if why.broken:
-        return str(why)
-    what = why.status.meaning if why.proof is None else f"proved out of reach: {why.proof.words}"
+        return in_units(why.words, UNITS)
+    what = why.status.meaning if why.proof is None else f"proved out of reach: {in_units(why.proof.words, UNITS)}"
     return f"{what}. {_limits(why)}"
 
 
@@ -151,7 +152,7 @@ def _headline(view: View) -> str:
             status.name.replace("_", " "),
             BAD if status in (Status.UNREACHABLE, Status.LIMITS_BROKEN) else POOR,
         )
-        full = "" if verdict.reason is None else escape(str(verdict.reason))
+        full = "" if verdict.reason is None else escape(in_units(verdict.reason.words, UNITS))
     colour = BAD if view.overlaps else colour
     badge = f'<b style="color:{colour}">{name}</b>'
     words = f'<small style="overflow-wrap:anywhere" title="{full}">{escape(sentence(view))}</small>'

@@ -8,7 +8,8 @@ import numpy as np
 
 from maira_qp.apps.viewer.paths.followed import Followed, PathView, Station
 from maira_qp.apps.viewer.paths.route import Route
-from maira_qp.apps.viewer.quantities import angle, length
+from maira_qp.apps.viewer.quantities import UNITS, angle, length
+from maira_qp.wording import in_units
 
 MOST_PARTS = 4
 """Parts of a path that are listed."""
@@ -18,7 +19,7 @@ def at_pose(station: Station) -> str:
     """How the arm that is drawn stands to the pose of the path that it is drawn at, by the answer it is drawn from."""
     path, k = station.path, station.index
     where = f"pose {k} of 0 to {len(path) - 1}: {_error(path, k)}"
-    reasons = [failure.reason for failure in path.failures.get(k, ())]
+    reasons = [in_units(failure.reason, UNITS) for failure in path.failures.get(k, ())]
     return "; ".join([where, *reasons, *_step(path, k)])
 
 
@@ -51,7 +52,8 @@ def outcome(view: PathView) -> str:
     parts = [f"{first} to {last - 1}" if last - first > 1 else f"{first}" for first, last in path.parts]
     more = f" and {len(parts) - MOST_PARTS} more parts" if len(parts) > MOST_PARTS else ""
     kept = f"followed: {', '.join(parts[:MOST_PARTS]) or 'nothing'}{more}"
-    return f"Fails at pose {path.first_failure}: {path.reason}. In all, {', '.join(counts)}; {kept}; in {took}."
+    fails = f"Fails at pose {path.first_failure}: {in_units(path.reason, UNITS)}."
+    return f"{fails} In all, {', '.join(counts)}; {kept}; in {took}."
 
 
 def why(view: PathView) -> str:
