@@ -20,7 +20,7 @@ def link(nodes, first, windows, forbidden, turning, fewest, counts, states, jump
         nodes: configurations (S, n) of L layers, one layer after another.
         first: (L + 1,) where each layer begins.
         windows: (L - 1, n) how far each joint may move between two layers [rad or m].
-        forbidden: (F, 2) pairs of nodes that are not linked.
+        forbidden: (F,) pairs of nodes k, j that are not linked, as k S + j, in order.
         turning: (n,) of bool: joints that are compared without their whole turns.
         fewest: (S, n) the least number of whole turns by which each joint of each node may be turned.
         counts: (S, n) how many numbers of turns it has; 0: it has no limits, and its turns are not counted.
@@ -41,25 +41,45 @@ def link(nodes, first, windows, forbidden, turning, fewest, counts, states, jump
         order = begin + np.argsort(cheapest[begin:end])  # soon none can do better
         start = order[0]
         fallen = states[start] + np.argmin(cost[states[start] : states[start + 1]])
+        window = windows[layer - 1]
+        joint = _telling_joint(nodes[begin:end], window, turning)
+        values = nodes[order, joint]
+        near = np.inf if turning[joint] else window[joint]
         for j in range(end, first[layer + 1]):
             here = slice(states[j], states[j + 1])
             cost[here], back[here], has_jumped[here] = cost[fallen] + jump, fallen, True
             dearest = cost[fallen] + jump
-            for k in order:
+            for place in range(len(order)):
+                k = order[place]
                 if not cheapest[k] < dearest:
                     break
-                far = _step(nodes, k, j, windows, layer - 1, turning, min(1.0, np.sqrt(dearest - cheapest[k])))
-                if far > 1.0 or not cheapest[k] + far * far < dearest or _is_forbidden(forbidden, k, j):
+                if abs(values[place] - nodes[j, joint]) > near:
+                    continue
+                far = _step(nodes, k, j, window, turning, min(1.0, np.sqrt(dearest - cheapest[k])))
+                if far > 1.0 or not cheapest[k] + far * far < dearest or _is_forbidden(forbidden, k * len(nodes) + j):
                     continue
                 for i in range(nodes.shape[1]):
                     turns[i] = _turns(nodes[j, i] - nodes[k, i], turning[i])
                 _relax(k, j, turns, fewest, counts, states, far * far, cost, back, has_jumped)
                 dearest = cost[here].max()
             if dearest >= cost[fallen] + jump:
-                far = min(_step(nodes, start, j, windows, layer - 1, turning, FARTHEST), FARTHEST)
+                far = min(_step(nodes, start, j, window, turning, FARTHEST), FARTHEST)
                 for state in range(states[j], states[j + 1]):
                     if has_jumped[state]:
                         cost[state] += far
+
+
+@device_kernel
+def _telling_joint(nodes, window, turning):
+    """The joint by which the fewest of the nodes (M, n) are within the window (n,) of others, about; none that turns,
+    if there is another.
+    """
+    best, widest = 0, -1.0
+    for i in range(len(window)):
+        spread = 0.0 if turning[i] else (nodes[:, i].max() - nodes[:, i].min()) / window[i]
+        if spread > widest:
+            best, widest = i, spread
+    return best
 
 
 @device_kernel
@@ -112,20 +132,18 @@ def _moved(nodes, k, j, i, turning):
 
 
 @device_kernel
-def _step(nodes, k, j, windows, row, turning, enough):
+def _step(nodes, k, j, window, turning, enough):
     """The largest joint step from node k to node j, by the window; that of some joint if that is beyond `enough`."""
     far = 0.0
     for i in range(nodes.shape[1]):
-        far = max(far, abs(_moved(nodes, k, j, i, turning)) / windows[row, i])
+        far = max(far, abs(_moved(nodes, k, j, i, turning)) / window[i])
         if far > enough:
             return far
     return far
 
 
 @device_kernel
-def _is_forbidden(forbidden, k, j):
-    """Whether the step from node k to node j is not to be taken."""
-    found = False
-    for row in range(len(forbidden)):
-        found = found or (forbidden[row, 0] == k and forbidden[row, 1] == j)
-    return found
+def _is_forbidden(forbidden, link):
+    """Whether a link is among those (F,), in order, that are not to be taken."""
+    place = np.searchsorted(forbidden, link)
+    return place < len(forbidden) and forbidden[place] == link

@@ -22,11 +22,14 @@ NEAR_MIDDLE = 0.25
 """A descent that ends nearer to the middle than by this share of the step is on the same branch as both ends."""
 
 
-def is_continuous(path: PathArrays, q: np.ndarray) -> np.ndarray:
-    """Whether each step (N - 1,) of configurations (N, n), which reach their poses, leads along the path."""
-    middle = 0.5 * (q[:-1] + q[1:])
+def is_continuous(path: PathArrays, begin: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Whether steps (M,) from configurations (M, n) to (M, n) lead along the path; both reach their poses.
+
+    A step leads from the pose `begin` (M,), an index, to the next one.
+    """
+    middle = 0.5 * (a + b)
     continuous, poses = path.keeps_limits(middle), quaternion_poses(path.rows)
-    owner, a, b, A, B = np.arange(len(q) - 1), q[:-1], q[1:], poses[:-1], poses[1:]
+    owner, A, B = np.arange(len(begin)), poses[begin], poses[begin + 1]
     for _ in range(HALVINGS):
         M = halfway(A, B)
         rows = pose_rows(M)

@@ -83,7 +83,7 @@ def _best_within(path: PathArrays, q: np.ndarray, width: float, fixed: tuple[boo
     count, wide, largest = len(q), 2 * BESIDE + 1, path.largest_steps(q).max()
     if largest == 0.0:
         return q
-    along = np.linalg.svd(path.jacobians(q))[2][:, -1, :]
+    along = path.self_motions(q)[:, :, -1]
     shifts = width * np.linspace(-1.0, 1.0, wide)
     beside, arrived = path.descend(
         np.repeat(np.arange(count), wide), (q[:, None] + shifts[:, None] * along[:, None]).reshape(-1, path.n)

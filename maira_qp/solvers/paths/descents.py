@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from maira_qp.kernels.layout import Outcome, Setting
+from maira_qp.kernels.paths.self_motions import self_motions
 from maira_qp.problem.problem import Problem
 from maira_qp.solvers.compiled.batch import Batch
 from maira_qp.solvers.compiled.multi_start import attempts
@@ -30,6 +31,8 @@ class PathArrays:
     """What was asked: the problem of the arrays, or one whose robot has a joint less, see `free_axis`"""
     beat: Callable[[], object] = Meter(None, 0).beat
     """Called before each series of descents; what it raises ends the work"""
+    times: float = 1.0
+    """So many times the step that is allowed the window is"""
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -53,6 +56,10 @@ class PathArrays:
     def windows(self) -> np.ndarray:
         """How far (N - 1, n) each joint may move to the next of the poses."""
         return np.asarray(np.diff(self.place)[:, None] * self.window)
+
+    def wider(self, times: float) -> PathArrays:
+        """The same with so many times the steps."""
+        return replace(self, window=times * self.window, times=times * self.times)
 
     def some(self, which: np.ndarray | slice) -> PathArrays:
         """Some of the poses."""
@@ -100,9 +107,12 @@ class PathArrays:
         robot = self.asked.robot
         return np.array([not self.asked.limit_violations(robot.at(each[: robot.n])) for each in q], dtype=bool)
 
-    def jacobians(self, q: np.ndarray) -> np.ndarray:
-        """The tool's Jacobians (M, m, n), without the rows that the task leaves free."""
-        return self.arrays.robot.jacobians(q)[:, self.problem.tasks[0].all_weights > 0.0]
+    def self_motions(self, q: np.ndarray) -> np.ndarray:
+        """Orthonormal directions (M, n, n - rank) along which configurations (M, n) keep what the task asks for."""
+        jacobians = self.arrays.robot.jacobians(q)[:, self.problem.tasks[0].all_weights > 0.0]
+        directions = np.empty((len(q), self.n, self.n - self.rank))
+        self_motions(np.ascontiguousarray(jacobians), directions)
+        return directions
 
 
 def _attempted(arrays: ProblemArrays, rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,8 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import spsolve
+from scipy.linalg import solveh_banded
 
 from maira_qp.solvers.paths.descents import PathArrays
 
@@ -45,38 +44,55 @@ EVEN, LOW = Manner(bending=3.0, power=8, times=8), Manner(bending=0.0, power=24,
 class Unevenness:
     """The cost of a line of N configurations."""
 
-    steps_of: sparse.sparray
-    """((N - 1) n, N n): steps, by what is allowed"""
-    bends_of: sparse.sparray
-    """((N - 2) n, N n): their changes, by the root of what these count"""
+    scales: np.ndarray
+    """(N - 1, n): one by how far each joint may move from pose to pose"""
     largest: float
     """The step by which others are large"""
-    power: int
-
-    @staticmethod
-    def of(path: PathArrays, largest: float, manner: Manner) -> Unevenness:
-        """On a path."""
-        count, joints = len(path), sparse.eye_array(path.n)
-        steps_of = sparse.diags_array(1.0 / path.windows.ravel()) @ sparse.kron(_differences(count), joints)
-        bends_of = np.sqrt(manner.bending) * sparse.kron(_differences(count - 1), joints) @ steps_of
-        return Unevenness(steps_of, bends_of, largest, manner.power)
+    manner: Manner
 
     def __call__(self, q: np.ndarray) -> float:
         """Of a line (N, n)."""
-        steps, bends = self.steps_of @ q.ravel(), self.bends_of @ q.ravel()
-        high = (np.abs(steps) / self.largest) ** (self.power - 2)
-        return float(np.sum(steps**2 * (1.0 + 2.0 / self.power * LARGE * high)) + np.sum(bends**2))
+        steps = self.scales * np.diff(q, axis=0)
+        high = (np.abs(steps) / self.largest) ** (self.manner.power - 2)
+        bends = self.manner.bending * np.sum(np.diff(steps, axis=0) ** 2)
+        return float(np.sum(steps**2 * (1.0 + 2.0 / self.manner.power * LARGE * high)) + bends)
 
     def step(self, q: np.ndarray, free: np.ndarray) -> np.ndarray:
         """Displacements (N, n) along directions (N, n, d) that make it smaller, a damped Gauss-Newton step."""
-        along = sparse.block_diag(list(free), format="csr")
-        steps, bends = self.steps_of @ q.ravel(), self.bends_of @ q.ravel()
-        weights = np.sqrt(1.0 + LARGE * (np.abs(steps) / self.largest) ** (self.power - 2))
-        rows = sparse.vstack([sparse.diags_array(weights) @ self.steps_of, self.bends_of]) @ along
-        normal = rows.T @ rows
-        normal += DAMPING * normal.diagonal().max() * sparse.eye_array(normal.shape[0])
-        moved = along @ spsolve(normal.tocsc(), -rows.T @ np.concatenate([weights * steps, bends]))
-        return moved.reshape(q.shape) * min(1.0, FARTHEST / max(np.abs(moved).max(), FARTHEST))
+        count, _, d = free.shape
+        blocks = [np.zeros((count - far, d, d)) for far in range(3)]
+        slope = np.zeros((count, d))
+        steps = self.scales * np.diff(q, axis=0)
+        weights = 1.0 + LARGE * (np.abs(steps) / self.largest) ** (self.manner.power - 2)
+        self._add((-self.scales, self.scales), steps, weights, free, blocks, slope)
+        if self.manner.bending:
+            before, after = self.scales[:-1], self.scales[1:]
+            bends = np.diff(steps, axis=0)
+            weights = np.full(bends.shape, self.manner.bending)
+            self._add((before, -before - after, after), bends, weights, free, blocks, slope)
+        moved = np.einsum("knd,kd->kn", free, _solved(blocks, -slope))
+        return moved * min(1.0, FARTHEST / max(np.abs(moved).max(), FARTHEST))
+
+    @staticmethod
+    def _add(
+        factors: tuple[np.ndarray, ...],
+        rows: np.ndarray,
+        weights: np.ndarray,
+        free: np.ndarray,
+        blocks: list[np.ndarray],
+        slope: np.ndarray,
+    ) -> None:
+        """Add the squares of rows (M, n) by weights (M, n) to the normal equations, in place.
+
+        Row k is a sum of factors (M, n) times the configurations k, k + 1 and so on.
+        """
+        count = len(rows)
+        for i, left in enumerate(factors):
+            here = free[i : i + count]
+            slope[i : i + count] += np.einsum("knd,kn->kd", here, left * weights * rows)
+            for j in range(i, len(factors)):
+                product = np.einsum("knd,kn,kne->kde", here, left * weights * factors[j], free[j : j + count])
+                blocks[j - i][i : i + count] += product
 
 
 def evened(path: PathArrays, q: np.ndarray, fixed: tuple[bool, bool], manner: Manner) -> np.ndarray:
@@ -85,10 +101,10 @@ def evened(path: PathArrays, q: np.ndarray, fixed: tuple[bool, bool], manner: Ma
     if largest == 0.0:
         return q
     ends = [end for end, is_fixed in zip((0, -1), fixed, strict=True) if is_fixed]
-    cost_of, allowed = Unevenness.of(path, largest, manner), max(largest, min(1.0, HARDLY * largest))
+    cost_of, allowed = Unevenness(1.0 / path.windows, largest, manner), max(largest, min(1.0, HARDLY * largest))
     cost = cost_of(q)
     for _ in range(manner.times):
-        free = np.linalg.svd(path.jacobians(q), full_matrices=True)[2][:, path.rank :, :].swapaxes(1, 2)
+        free = path.self_motions(q)
         free[ends] = 0.0
         there, arrived = path.descend(np.arange(len(q)), q + cost_of.step(q, free))
         there[ends] = q[ends]
@@ -102,6 +118,14 @@ def evened(path: PathArrays, q: np.ndarray, fixed: tuple[bool, bool], manner: Ma
     return q
 
 
-def _differences(count: int) -> sparse.sparray:
-    """D (count - 1, count): D x are the differences of neighbours."""
-    return sparse.eye_array(count - 1, count, k=1) - sparse.eye_array(count - 1, count)
+def _solved(blocks: list[np.ndarray], right: np.ndarray) -> np.ndarray:
+    """The damped solution (N, d) of equations of blocks (N - k, d, d), those on the diagonal and those k beside it."""
+    count, d = right.shape
+    width = len(blocks) * d - 1
+    banded = np.zeros((width + 1, count, d))  # upper form: row `width` holds the diagonal
+    for far, block in enumerate(blocks):
+        for i, j in np.ndindex(d, d):
+            if far or j >= i:
+                banded[width - far * d + i - j, far:, j] = block[:, i, j]
+    banded[width] += DAMPING * banded[width].max()
+    return solveh_banded(banded.reshape(width + 1, -1), right.ravel()).reshape(count, d)

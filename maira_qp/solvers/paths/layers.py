@@ -14,9 +14,8 @@ import numpy as np
 from maira_qp.robots.model.revolutions import TURN
 from maira_qp.solvers.paths.descents import PathArrays
 
-CELL, WIDER = 0.15, 1.3
-"""Edge of the cells [rad or m] of which a layer keeps one configuration each, and how fast they grow if there are too
-many."""
+WIDER = 1.3
+"""How fast the cells of a layer grow if there are too many, at least."""
 ASIDE = 0.25
 """How far [rad or m] along the self-motion others begin, about."""
 NEAR_LIMIT = 0.3
@@ -41,12 +40,14 @@ class Density:
     """Configurations of a layer"""
     fresh: int
     """Configurations that each layer begins from anywhere"""
+    cell: float
+    """Edge of the cells [rad or m] of which a layer keeps one configuration each; larger where they are too many"""
     both_ways: bool = False
     """What a layer holds is followed back to the one before as well: what leads there from a singular pose, say"""
 
     def finer(self) -> Density:
-        """Three times as many layers of half as many configurations more, followed both ways."""
-        return Density(self.spacing / 3, 3 * self.most // 2, 3 * self.fresh // 2, True)
+        """Three times as many layers of half as many configurations more, of half the cells, followed both ways."""
+        return Density(self.spacing / 3, 3 * self.most // 2, 3 * self.fresh // 2, self.cell / 2, True)
 
 
 def arc_lengths(path: PathArrays) -> np.ndarray:
@@ -88,54 +89,80 @@ def layers_of(
             starts = [_held_up(path, before), before, *_aside(before, rng), _anywhere(path, fresh, rng)]
             starts = np.concatenate(starts)
             found, arrived = path.descend(np.full(len(starts), index), starts)
-            here = _merged(path, index, here, found[arrived], density.most)
+            here = _merged(path, index, here, found[arrived], density)
         layers.append(here)
         before = here
     if density.both_ways:
         for k in range(len(layers) - 2, 0 if is_start_given else -1, -1):
             starts = np.concatenate([_held_up(path, layers[k + 1]), layers[k + 1]])
             found, arrived = path.descend(np.full(len(starts), at[k]), starts)
-            layers[k] = _merged(path, at[k], layers[k], found[arrived], density.most)
+            layers[k] = _merged(path, at[k], layers[k], found[arrived], density)
     return layers
 
 
-def _merged(path: PathArrays, index: int, here: np.ndarray, found: np.ndarray, most: int) -> np.ndarray:
-    """Both, (k, n) and (m, n), at one turn, one of each cell, at most so many."""
+def _merged(path: PathArrays, index: int, here: np.ndarray, found: np.ndarray, density: Density) -> np.ndarray:
+    """Both, (k, n) and (m, n), at one turn, one of each cell, at most as many as a layer holds."""
     here = path.problem.turns.in_window(np.concatenate([here, found]))
-    at_limits = _at_limits(path, here, ON_LIMIT)
-    kept = _thinned(here, at_limits != here, most)
-    here, at_limits = here[kept], at_limits[kept]
-    if not path.problem.turns.everywhere.any():
-        return here
-    exact = path.exactly(np.full(len(kept), index), at_limits)
-    return exact + TURN * np.round((here - at_limits) / TURN)
+    at_limits, are_on = _at_limits(path, here)
+    kept = _thinned(here, are_on, density)
+    here, at_limits, are_on = here[kept], at_limits[kept], are_on[kept].any(axis=1)
+    if are_on.any():
+        turned = TURN * np.round((here[are_on] - at_limits[are_on]) / TURN)
+        here[are_on] = path.exactly(np.full(len(turned), index), at_limits[are_on]) + turned
+    return here
 
 
 def _held_up(path: PathArrays, q: np.ndarray) -> np.ndarray:
     """Those of the configurations (M, n) that are near a limit but for whole turns, at the turn in which it limits.
 
     A layer has one turn of all, in which a descent passes where another turn ends. Where only the end itself leads on,
-    as to a pose in the corner of all limits, none of what it finds would do.
+    as to a pose in the corner of all limits, none of what it finds would do. One that is near both limits of a joint is
+    there twice.
     """
-    there = _at_limits(path, q, NEAR_LIMIT)
-    return there[(there != q).any(axis=1)]
+    there, is_moved = q, np.zeros(len(q), dtype=bool)
+    for i in _with_turns(path):
+        at_lower, at_upper = _at_limits_of(path, there, i, NEAR_LIMIT)
+        lower, upper = np.isfinite(at_lower), np.isfinite(at_upper)
+        second = there[lower & upper]
+        second[:, i] = at_upper[lower & upper]
+        there = there.copy()
+        there[:, i] = np.where(lower, at_lower, np.where(upper, at_upper, there[:, i]))
+        there = np.concatenate([there, second])
+        is_moved = np.concatenate([is_moved | lower | upper, np.ones(len(second), dtype=bool)])
+    return there[is_moved]
 
 
-def _at_limits(path: PathArrays, q: np.ndarray, near: float) -> np.ndarray:
-    """The configurations (M, n) with joints that are as near as that [rad] to a limit at the turn in which it limits.
+def _at_limits(path: PathArrays, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The configurations (M, n) with joints that are on a limit but for whole turns at a turn in which it limits.
 
-    Of joints with a turn or more, if they are not as near to one at the turn at which they are.
+    And which joints (M, n) these are.
     """
-    turns, robot, there = path.problem.turns, path.problem.robot, q
-    if not turns.everywhere.any():
-        return q
-    stays = (np.abs(q - robot.lower) < near) | (np.abs(robot.upper - q) < near)
-    for limit, inward in ((robot.lower, 1.0), (robot.upper, -1.0)):
-        limits = turns.everywhere & np.isfinite(limit)
-        room = inward * turns.shortest(q - np.where(limits, limit, 0.0))
-        is_near = limits & ~stays & (room >= -ON_LIMIT) & (room < near)
-        there = np.where(is_near, limit + inward * np.maximum(room, 0.0), there)
-    return there
+    there, are_on = q.copy(), np.zeros(q.shape, dtype=bool)
+    for i in _with_turns(path):
+        at_lower, at_upper = _at_limits_of(path, q, i, ON_LIMIT)
+        at = np.where(np.isfinite(at_lower), at_lower, at_upper)
+        are_on[:, i] = np.isfinite(at)
+        there[:, i] = np.where(are_on[:, i], at, q[:, i])
+    return there, are_on
+
+
+def _with_turns(path: PathArrays) -> list[int]:
+    """Joints with limits, and all angles between them."""
+    turns = path.problem.turns
+    return np.flatnonzero(turns.everywhere & np.isfinite(turns.robot.upper - turns.robot.lower)).tolist()
+
+
+def _at_limits_of(path: PathArrays, q: np.ndarray, joint: int, near: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where a joint of configurations (M, n) is, (M,) and (M,), in the turns that its lower and its upper limit end.
+
+    NaN: it is farther from there than so much [rad].
+    """
+    robot, angles = path.problem.robot, q[:, joint]
+    lower, upper = robot.lower[joint], robot.upper[joint]
+    above, below = (room - TURN * np.round(room / TURN) for room in (angles - lower, upper - angles))
+    at_lower, at_upper = lower + np.maximum(above, 0.0), upper - np.maximum(below, 0.0)
+    is_lower, is_upper = (above >= -ON_LIMIT) & (above < near), (below >= -ON_LIMIT) & (below < near)
+    return np.where(is_lower, at_lower, np.nan), np.where(is_upper, at_upper, np.nan)
 
 
 def _aside(q: np.ndarray, rng: np.random.Generator) -> list[np.ndarray]:
@@ -153,13 +180,13 @@ def _anywhere(path: PathArrays, count: int, rng: np.random.Generator) -> np.ndar
     return rng.uniform(*path.arrays.problem.turns.window, size=(count, path.n))
 
 
-def _thinned(q: np.ndarray, on_limits: np.ndarray, most: int) -> np.ndarray:
-    """Indices of one of the configurations (M, n) of each cell and set of joints (M, n) on limits, at most so many."""
-    cell, marks = CELL, HASH ** np.arange(1, 2 * q.shape[1] + 1, dtype=np.uint64)
+def _thinned(q: np.ndarray, on_limits: np.ndarray, density: Density) -> np.ndarray:
+    """Indices of one of the configurations (M, n) of each cell and set of joints (M, n) on limits."""
+    cell, marks = density.cell, HASH ** np.arange(1, 2 * q.shape[1] + 1, dtype=np.uint64)
     while len(q):
         keys = np.concatenate([np.round(q / cell).astype(np.int64), on_limits], axis=1).astype(np.uint64) @ marks
         _, first = np.unique(keys, return_index=True)
-        if len(first) <= most:
+        if len(first) <= density.most:
             return np.sort(first)
-        cell *= WIDER
+        cell *= max(WIDER, np.sqrt(len(first) / density.most))
     return np.arange(0)

@@ -75,14 +75,14 @@ def _best_line(
 ) -> Line:
     """The line of least cost to nodes at `counts` (S, n) numbers of turns, from the fewest (S, n) on; see `link`."""
     first = np.cumsum([0, *map(len, layers)])
-    nodes, edges = np.concatenate(layers), np.array(sorted(forbidden), dtype=np.int64).reshape(-1, 2)
+    nodes, edges = np.concatenate(layers), np.array(list(forbidden), dtype=np.int64).reshape(-1, 2)
     states = np.concatenate([[0], np.cumsum(np.maximum(counts, 1).prod(axis=1))])
     cost, back, has_jumped = np.empty(states[-1]), np.empty(states[-1], np.int64), np.empty(states[-1], np.bool_)
     link(
         nodes,
         first,
         np.ascontiguousarray(windows),
-        edges,
+        np.sort(edges @ np.array([len(nodes), 1])),
         turns.everywhere,
         fewest,
         counts,

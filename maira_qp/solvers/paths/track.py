@@ -10,7 +10,6 @@ finer; where the knots were too coarse, every pose is one.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -29,9 +28,10 @@ from maira_qp.solvers.paths.failures import ROUNDING, broken, loop_gap, missed, 
 from maira_qp.solvers.paths.free_axis import free_axis, start_with_joint, without_turning
 from maira_qp.solvers.paths.layers import Density, layer_indices, layers_of
 from maira_qp.solvers.paths.line import Edge, Line, best_line
+from maira_qp.solvers.paths.links import misleading
 from maira_qp.solvers.paths.meter import Meter, Progress
 
-COARSE = Density(spacing=0.3, most=150, fresh=16)
+COARSE = Density(spacing=0.3, most=150, fresh=16, cell=0.15)
 DENSITIES = COARSE, COARSE.finer(), COARSE.finer().finer()
 """Of the layers that are made, one after the other; of those of a path whose knots were not followed the last."""
 KNOTS = 0.03
@@ -200,7 +200,8 @@ def _judged(
     found = [missed(k, solution) for k, solution in (others or {}).items() if not reached[k]]
     both, leads = reached[:-1] & reached[1:], path.largest_steps(q) <= 1.0 + ROUNDING
     if (both & leads).any():
-        leads[both & leads] = is_continuous(path, q)[both & leads]
+        steps = np.flatnonzero(both & leads)
+        leads[steps] = is_continuous(path, steps, q[steps], q[steps + 1])
     own = np.ascontiguousarray(q[:, : asked.robot.n])
     found += [broken(asked, own, k + 1, rules) for k in np.flatnonzero(both & ~leads).tolist()]
     if rules.loop and len(q) and (end := open_end(asked, own)) is not None:
@@ -238,19 +239,20 @@ def follow(
     for density in densities:
         at = layer_indices(path, density.spacing)
         layers = layers_of(path, at, nodes, is_start_given, density, rng)
+        through = partial(line, at=at, layers=layers, is_start_given=is_start_given)
         for times in WIDER:
-            q = line(replace(path, window=times * path.window), at, layers, is_start_given)
-            best, least = _smoother(path, best, q, fixed)
+            best, least = _smoother(path, best, through(path.wider(times)), fixed)
             if least <= 1.0:
                 break
         if best is not None:
-            best, least = _calmed(path, best, fixed, partial(line, at=at, layers=layers, is_start_given=is_start_given))
+            best, least = _calmed(path, best, fixed, through)
             if least <= 1.0 and _is_calm(path, best):
                 return best
     if best is not None:
         at = _with_all_about(at, path, int(path.largest_steps(best).argmax()))
         layers = layers_of(path, at, nodes, is_start_given, densities[-1], rng)
-        best, least = _calmed(path, best, fixed, partial(line, at=at, layers=layers, is_start_given=is_start_given))
+        through = partial(line, at=at, layers=layers, is_start_given=is_start_given)
+        best, least = _calmed(path, best, fixed, through)
         if least <= 1.0:
             return best
     broken_up = _with_reconfigurations(path, known, at, layers, is_start_given)
@@ -261,10 +263,21 @@ def _smoother(
     path: PathArrays, best: np.ndarray | None, q: np.ndarray | None, fixed: tuple[bool, bool]
 ) -> tuple[np.ndarray | None, float]:
     """The one of two lines (N, n), or none, with the smaller largest step, the second smoothed, and that step."""
-    q = None if q is None else smoothed(path, q, fixed)
+    q = None if q is None else _smoothed(path, q, fixed)
     known = [(float(path.largest_steps(each).max()), each) for each in (best, q) if each is not None]
     least, one = min(known, key=lambda each: each[0], default=(np.inf, None))
     return one, least
+
+
+def _smoothed(path: PathArrays, q: np.ndarray, fixed: tuple[bool, bool]) -> np.ndarray:
+    """A line (N, n) smoothed, or as it is where smoothing makes it jump."""
+    smooth = smoothed(path, q, fixed)
+    return smooth if not len(_jumps(path, smooth)) else q
+
+
+def _jumps(path: PathArrays, q: np.ndarray) -> np.ndarray:
+    """Indices (K,) of the poses to which a line (N, n) jumps from one branch to another."""
+    return np.flatnonzero(~is_continuous(path, np.arange(len(q) - 1), q[:-1], q[1:])) + 1
 
 
 def _calmed(
@@ -277,8 +290,8 @@ def _calmed(
     while not _is_calm(path, best):
         largest = float(path.largest_steps(best).max())
         for times in NARROWER:
-            q = line(replace(path, window=times * largest * path.window))
-            q = None if q is None else smoothed(path, q, fixed)
+            q = line(path.wider(times * largest))
+            q = None if q is None else _smoothed(path, q, fixed)
             if q is not None and path.largest_steps(q).max() < largest:
                 best = q
                 break
@@ -337,16 +350,23 @@ def _continued(path: PathArrays, start: np.ndarray) -> Iterator[np.ndarray]:
 def _continuous_line(
     path: PathArrays, at: np.ndarray, layers: list[np.ndarray], is_start_given: bool
 ) -> np.ndarray | None:
-    """A line (N, n) that reaches every pose without a step beyond the window; None: none was found."""
+    """A line (N, n) that reaches every pose without a step beyond the window; None: none was found.
+
+    Where a line jumps its link is not taken again, and, if it was not the first line, none that jumps between these
+    layers: often there are many beside one another.
+    """
     windows, forbidden = _windows(path, at), set[Edge]()
-    for _ in range(REPAIRS):
+    for repair in range(REPAIRS):
         line = best_line(layers, windows, forbidden, path.problem.turns, is_start_given)
         if line.reconfigurations:
             return None
         q, amiss = _along(path, at, line)
         if not len(amiss):
             return q
-        forbidden |= {line.edge(k) for k in np.unique(np.searchsorted(at, amiss)).tolist()}
+        for k in np.unique(np.searchsorted(at, amiss)).tolist():
+            forbidden.add(line.edge(k))
+            if repair:
+                forbidden |= misleading(path, at, layers, k, windows[k - 1])
     return None
 
 
@@ -354,13 +374,13 @@ def _along(path: PathArrays, at: np.ndarray, line: Line) -> tuple[np.ndarray, np
     """The line through configurations at the poses `at` (L,), and the poses (K,) to which it does not lead."""
     q, arrived = filled(path, at, line.q)
     amiss = np.flatnonzero(~arrived[1:] | (path.largest_steps(q) > 1.0)) + 1
-    return q, amiss if len(amiss) else np.flatnonzero(~is_continuous(path, q)) + 1
+    return q, amiss if len(amiss) else _jumps(path, q)
 
 
 def _widest(path: PathArrays) -> np.ndarray:
-    """How far (n,) each joint may move between two layers, at most, unless one step may be larger."""
+    """How far (n,) each joint may move between two layers, at most, unless one step is allowed to be larger."""
     robot = path.problem.robot
-    return np.maximum(path.window, WIDEST * np.where(robot.slides, robot.length, 1.0))
+    return np.maximum(path.window / path.times, WIDEST * np.where(robot.slides, robot.length, 1.0))
 
 
 def _windows(path: PathArrays, at: np.ndarray) -> np.ndarray:

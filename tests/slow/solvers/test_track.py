@@ -11,9 +11,6 @@ from support.robots import load
 
 import maira_qp as mq
 from maira_qp.errors import ConfigurationError, OptionError, PoseError
-from maira_qp.problem.targets import row_of
-from maira_qp.solvers.paths.descents import PathArrays
-from maira_qp.solvers.paths.layers import Density, layer_indices, layers_of
 
 POSES = 120
 
@@ -67,32 +64,6 @@ def test_what_an_arm_has_done_is_followed(name, is_start_given, rng):
             np.testing.assert_allclose(path.q[0], motion[0], atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", [5, 50, 53, 72, 89])
-def test_a_motion_that_begins_in_a_corner_of_the_limits_is_followed_from_anywhere(seed):
-    """Joints whose range is more than a turn have one turn there: the limit itself, not what is 1e-7 beyond it."""
-    rng, robot = np.random.default_rng(seed), load("kr210")
-    stands, is_upper = rng.random(6) < 0.7, rng.random(6) < 0.5
-    corner = np.where(stands, np.where(is_upper, robot.upper, robot.lower), robot.random_configuration(rng))
-    a, b, c, d = [corner, *(robot.random_configuration(rng) for _ in range(3))]
-    t = np.linspace(0.0, 1.0, 100)[:, None]
-    motion = (1 - t) ** 3 * a + 3 * t * (1 - t) ** 2 * b + 3 * t**2 * (1 - t) * c + t**3 * d
-    path = mq.Solver(robot).track([robot.forward(q) for q in np.clip(motion, robot.lower, robot.upper)])
-    assert path, path.reason
-
-
-@pytest.mark.parametrize("seed", [9, 26])
-def test_a_motion_that_ends_in_a_corner_of_limits_with_turns_is_followed_from_its_start(seed):
-    """Only the corner itself is within the limits there, at one of the turns of the joints."""
-    robot, rng, u = load("xarm7"), np.random.default_rng(seed), np.linspace(0, 1, 150)[:, None]
-    start = robot.lower + (robot.upper - robot.lower) * rng.uniform(0.3, 0.7, size=7)
-    corner = np.where(rng.random(7) < 0.5, robot.lower, robot.upper)
-    a, b = rng.uniform(robot.lower, robot.upper, size=(2, 7))
-    motion = (1 - u) ** 3 * start + 3 * u * (1 - u) ** 2 * a + 3 * u**2 * (1 - u) * b + u**3 * corner
-    p = mq.Solver(robot).track([robot.forward(q) for q in motion], motion[0])
-    assert p, p.reason
-    assert ((robot.lower <= p.q) & (p.q <= robot.upper)).all()
-
-
 def test_between_its_poses_the_tool_stays_on_the_path(rng):
     robot = mq.Robot.maira()
     targets = poses_along(robot, smooth_motion(robot, rng))
@@ -109,21 +80,6 @@ def test_between_its_poses_the_tool_stays_on_the_path(rng):
 def two_links() -> mq.Robot:
     link = {"d": 0.0, "alpha": 0.0, "lower": -3.0, "upper": 3.0}
     return mq.Robot.from_dh([{"a": 0.5, **link}, {"a": 0.5, **link}])
-
-
-def test_an_elbow_does_not_flip_between_two_poses():
-    """Nearly stretched, the two ways to bend are 0.4 rad apart: a small step, and not along the path."""
-    from maira_qp.problem.targets import rows_of
-    from maira_qp.solvers.paths.continuity import is_continuous
-    from maira_qp.solvers.paths.descents import PathArrays
-
-    robot = two_links()
-    solver = mq.Solver(robot, task=mq.PositionTask())
-    bent = np.array([[0.2, -0.4], [0.21, -0.41], [0.21 - 0.41, 0.41]])
-    targets = poses_along(robot, bent)
-    np.testing.assert_allclose(targets[1, :3, 3], targets[2, :3, 3], atol=1e-12)
-    path = PathArrays(solver.engines.compiled, rows_of(targets)[0], np.arange(3), np.full(2, 0.5), solver.problem)
-    assert is_continuous(path, bent).tolist() == [True, False]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -205,21 +161,6 @@ def test_lines_are_smooth(name):
     assert path, path.reason
     steps, changes = np.diff(path.q, axis=0), np.diff(path.q, n=2, axis=0)
     assert np.abs(changes).max() < 0.1 * np.abs(steps).max()
-
-
-def test_no_large_step_stands_in_the_place_of_many_small_ones():
-    """A motion past a singular configuration of an arm that could turn about it at once."""
-    robot, rng, u = mq.Robot.load("iiwa14"), np.random.default_rng(123), np.linspace(0, 1, 120)[:, None]
-
-    def drawn() -> np.ndarray:
-        at_limit, is_lower = rng.random(7) < 0.5, rng.random(7) < 0.5
-        return np.where(at_limit, np.where(is_lower, robot.lower, robot.upper), robot.random_configuration(rng))
-
-    a, b, c, d = (drawn() for _ in range(4))
-    motion = (1 - u) ** 3 * a + 3 * u * (1 - u) ** 2 * b + 3 * u**2 * (1 - u) * c + u**3 * d
-    p = mq.Solver(robot).track([robot.forward(q) for q in motion])
-    assert p
-    assert p.max_joint_step < 3 * largest_step(motion)
 
 
 @pytest.mark.parametrize("name", ["maira", "iiwa14"])
@@ -536,21 +477,3 @@ def test_an_empty_path_can_be_looked_at():
     assert "0 poses" in repr(path)
     assert path.parts == []
     assert path._repr_html_()
-
-
-def test_what_a_layer_holds_is_followed_back_to_a_singular_pose():
-    """Where the wrist is stretched its joints trade turns for nothing, and few that are drawn lead on."""
-    robot = load("ur5_limited")
-    q = np.array([0.4, -1.2, 1.3, 0.7, 0.0, -1.1])
-    motion = q + np.linspace(0.0, 1.0, 40)[:, None] * np.array([0.3, 0.2, -0.3, 0.4, 0.5, 0.2])
-    engines = mq.Solver(robot).engines
-    rows = np.array([row_of(robot.forward(each)) for each in motion])
-    path = PathArrays(engines.compiled, rows, np.arange(40), np.full(6, 0.5), engines.problem)
-    nodes, leading = [np.empty((0, 6)), *(each[None] for each in motion[1:])], []
-    for both_ways in (False, True):
-        density = Density(spacing=0.1, most=150, fresh=16, both_ways=both_ways)
-        at = layer_indices(path, density.spacing)
-        first, second, *_ = layers_of(path, at, nodes, False, density, np.random.default_rng(0))
-        leading.append((np.abs(second[:, None] - first).max(axis=2).min(axis=1) < 0.2).mean())
-    assert leading[0] < leading[1]
-    assert leading[1] > 0.6
