@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from maira_qp.io.atomic_write import replace_text
@@ -16,10 +17,19 @@ PIECE = 2**20
 """How much of a file is read at a time [bytes]."""
 
 
-def write_sums(folder: Path) -> None:
+def remove_parts(folder: Path) -> None:
+    """Remove what workers that were killed have begun below a folder, by the names that they and Zarr give it."""
+    for path in folder.rglob("*"):
+        if path.suffix in (".part", ".partial") and path.is_file():
+            path.unlink()
+
+
+def write_sums(folder: Path, threads: int = 1) -> None:
     """Write the checksums of all files below a folder. Raises `OSError`."""
-    lines = [f"{_sum(folder / name)}  {name}\n" for name in _files(folder)]
-    replace_text(folder / SUMS, "".join(lines))
+    names = list(_files(folder))
+    with ThreadPoolExecutor(threads) as pool:
+        sums = list(pool.map(_sum, [folder / name for name in names]))
+    replace_text(folder / SUMS, "".join(f"{each}  {name}\n" for each, name in zip(sums, names, strict=True)))
 
 
 def is_finished(folder: Path) -> bool:

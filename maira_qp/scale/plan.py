@@ -28,9 +28,17 @@ class Plan:
     """What is left of a job."""
 
     def __init__(
-        self, gaps: Iterable[Shard], *, units_per_item: int = 1, workers: int = 1, size: int | None = None
+        self,
+        gaps: Iterable[Shard],
+        *,
+        units_per_item: int = 1,
+        workers: int = 1,
+        size: int | None = None,
+        parts: str = "items",
     ) -> None:
-        """The ranges to do, for so many workers; `size` items a shard, or None: as many as the time makes sensible."""
+        """The ranges to do, for so many workers; `size` items a shard, or None: as many as the time makes sensible;
+        `parts` is what messages call them."""
+        self.parts = parts
         self._gaps, self._again = deque(gap for gap in gaps if gap.length > 0), deque[Shard]()
         self._left = sum(gap.length for gap in self._gaps)
         self._workers, self._size = workers, size
@@ -66,10 +74,8 @@ class Plan:
         """Note that who did a shard is no more: it is taken again. Raises `JobError` when it was tried often enough."""
         self._attempts[shard] += 1
         if self._attempts[shard] >= ATTEMPTS:
-            raise JobError(
-                f"the items {shard.first} to {shard.last - 1} failed {ATTEMPTS} times: {reason}; all else that was "
-                "done is kept"
-            )
+            items = f"the {self.parts} {shard.first} to {shard.last - 1}"
+            raise JobError(f"{items} failed {ATTEMPTS} times: {reason}; all else that was done is kept")
         self._again.append(shard)
 
     def _length(self) -> int:

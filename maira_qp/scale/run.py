@@ -19,10 +19,11 @@ from maira_qp.scale import checksums
 from maira_qp.scale.engines.engine import Engine, engine_of
 from maira_qp.scale.job import Job, digest_of, job_of
 from maira_qp.scale.manifest import begin, job_in, read_manifest
+from maira_qp.scale.output import write_output
 from maira_qp.scale.ownership import owned, owner_of
 from maira_qp.scale.plan import Plan
-from maira_qp.scale.shards import DamagedShard, Shard, Shards
-from maira_qp.scale.work import Work
+from maira_qp.scale.shards import Shard, Shards
+from maira_qp.scale.work import BlockWork, ShardWork
 
 Progress = Callable[[int, int], object]
 
@@ -111,11 +112,10 @@ def run(
             plan = Plan(gaps, units_per_item=job.units_per_item, workers=chosen.workers, size=shard)
             if not plan.is_empty:
                 tell = _counter(job, job.count - sum(gap.length for gap in gaps), progress)
-                chosen.run(Work(job, path, digest, threads), plan, tell)
+                chosen.run(ShardWork(job, path, digest, threads), plan, tell)
             if part is not None:
                 break
-            with contextlib.suppress(_Redone):
-                _finish(job, path, shards)
+            write_output(BlockWork(job, path, digest, threads), shards, chosen)
         else:
             shards.remove()
     return state_of(path, job)
@@ -174,23 +174,6 @@ def verify(folder: str | os.PathLike[str]) -> Verification:
     shards = Shards(path, digest_of(manifest))
     damaged = tuple(each.relative_to(path).as_posix() for each in shards.damaged())
     return Verification(path, len(shards.there()), damaged)
-
-
-class _Redone(Exception):
-    """A shard was damaged, and is removed: it has to be done again."""
-
-
-def _finish(job: Job, folder: Path, shards: Shards) -> None:
-    """Write the output from the shards, and its checksums last. Raises `_Redone`, `OSError`."""
-    job.begin_output(folder)
-    try:
-        for first, arrays in shards.blocks(job.count, job.block):
-            job.write_block(folder, first, arrays)
-    except DamagedShard as damage:
-        damage.path.unlink(missing_ok=True)
-        raise _Redone from None
-    job.end_output(folder)
-    checksums.write_sums(folder)
 
 
 def _counter(job: Job, done: int, progress: Progress | None) -> Callable[[Shard], None]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import io
+import math
 import re
 import shutil
 import zipfile
@@ -44,6 +45,9 @@ class DamagedShard(JobError):
     def __init__(self, path: Path) -> None:
         super().__init__(f"{path} is damaged: its checksum is another")
         self.path = path
+
+    def __reduce__(self) -> tuple[type[DamagedShard], tuple[Path]]:
+        return DamagedShard, (self.path,)
 
 
 class Shards:
@@ -85,13 +89,14 @@ class Shards:
         """Of the content and of what it answers: a file under another's name is as damaged as one that was changed."""
         return CHECKSUM(f"{self._digest} {shard.first} {shard.last} ".encode() + data).digest()
 
-    def there(self) -> list[Shard]:
-        """The shards of the job that have a file, in order; they may overlap, where work was cut anew."""
+    def there(self, begin: int = 0, end: float = math.inf) -> list[Shard]:
+        """The shards of the job that have a file and answer items from begin to end - 1, in order; they may overlap,
+        where work was cut anew."""
         if not self.folder.is_dir():
             return []
         matches = [NAME.fullmatch(entry.name) for entry in self.folder.iterdir()]
         shards = sorted(Shard(int(match[1]), int(match[2])) for match in matches if match)
-        return [shard for shard in shards if self.path(shard).exists()]
+        return [shard for shard in shards if shard.last > begin and shard.first < end and self.path(shard).exists()]
 
     def gaps(self, first: int, last: int) -> list[Shard]:
         """The ranges of items from first to last - 1 that no file answers."""
@@ -104,33 +109,33 @@ class Shards:
                 return found
         return [*found, Shard(at, last)]
 
-    def blocks(self, count: int, block: int) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
-        """Blocks of items from 0 to count - 1, gathered from shards that answer all of them: the first item, arrays.
+    def blocks(self, begin: int, end: int, block: int) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
+        """Blocks of the items begin to end - 1, gathered from shards that answer all of them: the first item, arrays.
 
         Raises `DamagedShard`, `OSError`.
         """
-        pieces = self._pieces(count)
+        pieces = self._pieces(begin, end)
         shard, at, arrays = next(pieces)
-        for first in range(0, count, block):
-            last, parts = min(first + block, count), []
+        for first in range(begin, end, block):
+            last, parts = min(first + block, end), []
             while True:
-                end = min(last, shard.last)
-                parts.append({name: values[at - shard.first : end - shard.first] for name, values in arrays.items()})
-                at = end
-                if at == shard.last and at < count:
+                stop = min(last, shard.last)
+                parts.append({name: values[at - shard.first : stop - shard.first] for name, values in arrays.items()})
+                at = stop
+                if at == shard.last and at < end:
                     shard, at, arrays = next(pieces)
-                if end == last:
+                if stop == last:
                     break
             yield first, {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
-    def _pieces(self, count: int) -> Iterator[tuple[Shard, int, dict[str, np.ndarray]]]:
+    def _pieces(self, begin: int, end: int) -> Iterator[tuple[Shard, int, dict[str, np.ndarray]]]:
         """Shards that follow one another, each with its arrays and the first item that is taken of it."""
-        at = 0
-        for shard in self.there():
+        at = begin
+        for shard in self.there(begin, end):
             if shard.last > at:
                 yield shard, at, self.read(shard)
                 at = shard.last
-            if at >= count:
+            if at >= end:
                 return
 
     def damaged(self) -> Iterable[Path]:
@@ -140,6 +145,10 @@ class Shards:
                 self.read(shard)
             except DamagedShard as damage:
                 yield damage.path
+
+    def size(self) -> int:
+        """Bytes of all files."""
+        return sum(self.path(shard).stat().st_size for shard in self.there())
 
     def forget_parts(self) -> None:
         """Remove what was begun and not finished by processes that are no more."""

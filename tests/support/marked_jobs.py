@@ -27,6 +27,8 @@ class MarkedJob(Job):
     """Raises each time"""
     deadly: tuple[int, ...] = ()
     """Kills each time"""
+    writer_killed: tuple[int, ...] = ()
+    """Is killed over the blocks that begin there"""
     waits_at: int = -1
     """Waits there until it is killed"""
 
@@ -61,6 +63,11 @@ class MarkedJob(Job):
     def write_block(self, folder: Path, first: int, arrays: Mapping[str, np.ndarray]) -> None:
         """A file a block."""
         with replacing(folder / f"block-{first:06d}") as file:
+            if first in self.writer_killed and self._is_first(f"writer-killed-{first}"):
+                file.write(b"begun")
+                file.flush()
+                Path(folder, f"block.{first}.partial").touch()
+                os.kill(os.getpid(), signal.SIGKILL)
             file.write(arrays["index"].tobytes() + arrays["value"].tobytes())
 
     def end_output(self, folder: Path) -> None:

@@ -28,10 +28,12 @@ class Engine(ABC):
 
     workers: int
     """How many at a time."""
+    writes_output = False
+    """Whether its workers write a large output together; else the client does alone."""
 
     @abstractmethod
     def run(self, work: Work, plan: Plan, done: Done) -> None:
-        """Take shards from the plan until it is empty, and do them.
+        """Take parts of some work, such as shards, from the plan until it is empty, and do them.
 
         A worker that dies, or takes longer than it may, is replaced, and the plan is told that its shard failed.
         Raises what the job raises, `OSError`, and `JobError` where a shard fails each time.

@@ -29,6 +29,8 @@ ENDING = 5.0
 class Processes(Engine):
     """Workers that are processes of this machine."""
 
+    writes_output = True
+
     def __init__(self, workers: int | None = None, *, time_limit: float = 600.0) -> None:
         """So many workers, None: one a processor; a shard may take `time_limit` [s], > 0. Raises `OptionError`."""
         if not time_limit > 0:
@@ -73,7 +75,7 @@ class Processes(Engine):
             return False
         if kind == FAILED:
             assert worker.shard is not None
-            raise _what(value, worker.shard)
+            raise _what(value, worker.shard, plan.parts)
         if kind == DONE:
             assert worker.shard is not None
             plan.done(worker.shard, value)
@@ -135,9 +137,9 @@ class _Worker:
         self._process.wait()
 
 
-def _what(value: tuple[Exception | None, str], shard: Shard) -> Exception:
+def _what(value: tuple[Exception | None, str], shard: Shard, parts: str) -> Exception:
     """What a worker says went wrong, to be raised: the job's own errors and those of files as they are."""
     reason, trace = value
     if isinstance(reason, (MairaError, OSError)):
         return reason
-    return JobError(f"the items {shard.first} to {shard.last - 1} failed:\n{trace}")
+    return JobError(f"the {parts} {shard.first} to {shard.last - 1} failed:\n{trace}")

@@ -277,3 +277,12 @@ def test_options_that_make_no_sense_are_refused(marks, tmp_path):
     with pytest.raises(OptionError, match="job must be a job"):
         run({"cell": 0.1}, tmp_path / "job")
     assert not (tmp_path / "job").exists()
+
+
+def test_workers_write_the_same_output_though_one_of_them_dies_over_a_block(marks, tmp_path, monkeypatch):
+    monkeypatch.setattr("maira_qp.scale.output.LARGE", 0)
+    job = MarkedJob(marks=marks, writer_killed=(14,))
+    run(job, tmp_path / "job", engine="here", part=(1, 1), shard=13)
+    run(job, tmp_path / "job", workers=1)
+    assert os.listdir(marks) == ["writer-killed-14"]
+    assert files_of(tmp_path / "job") == undisturbed(job, tmp_path / "here")

@@ -1,5 +1,7 @@
 """Shards: whole or absent, known by the job and the range, gathered into blocks that show no seam."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -41,7 +43,12 @@ def test_random_coverings_make_the_same_blocks(shards, rng):
             first = int(rng.integers(max(0, gaps[0].first - 4), gaps[0].first + 1))
             shard = Shard(first, int(rng.integers(gaps[0].first + 1, count + 1)))
             shards.write(shard, arrays(shard))
-        blocks = list(shards.blocks(count, block))
+        blocks = list(shards.blocks(0, count, block))
+        middle = block * int(rng.integers(0, len(blocks)))
+        halves = [*shards.blocks(0, middle, block)] if middle else []
+        for (first, found), (other, again) in zip([*halves, *shards.blocks(middle, count, block)], blocks, strict=True):
+            assert first == other
+            np.testing.assert_array_equal(found["pair"], again["pair"])
         assert [first for first, _ in blocks] == list(range(0, count, block))
         for name, wanted in arrays(Shard(0, count)).items():
             np.testing.assert_array_equal(np.concatenate([found[name] for _, found in blocks]), wanted)
@@ -65,6 +72,7 @@ def test_damage_is_found(shards, damage):
     content = bytearray(shards.path(shard).read_bytes())
     content[len(content) // 2] ^= 1
     shards.path(shard).write_bytes({"cut": content[:-1], "flipped": content, "empty": b"", "swapped": swapped}[damage])
-    with pytest.raises(DamagedShard, match="checksum"):
+    with pytest.raises(DamagedShard, match="checksum") as raised:
         shards.read(shard)
+    assert pickle.loads(pickle.dumps(raised.value)).path == shards.path(shard)  # as a worker sends it
     assert list(shards.damaged()) == [shards.path(shard)]
