@@ -57,7 +57,7 @@ def print_overview(commands: Mapping[str, type], stream: TextIO) -> None:
     out.print("\n[bold]to begin with[/]")
     for line in FIRST:
         out.print(f"  {line}", soft_wrap=True)
-    out.print("\nCompletions of the shell: maira-qp --tyro-print-completion bash (zsh, fish)")
+    out.print("\nShell completion: maira-qp --tyro-print-completion bash (zsh, fish)")
 
 
 def _print_rows(out: Console, heading: str, rows: Mapping[str, str]) -> None:

@@ -21,14 +21,13 @@ class Settings:
     """What to compare, on which targets."""
 
     methods: tuple[MethodName, ...] = METHODS
-    """The references of the textbooks on the plain DH chain, and the solver: pose alone, with a posture weighted,
-    fading, strict."""
+    """The textbook methods on the plain DH chain; the solver with the pose alone, or a weighted or strict posture."""
     backends: tuple[str, ...] = ("daqp",)
     """QP backends of the solver's methods: compiled, daqp, ..."""
     strata: tuple[Stratum, ...] = STRATA
     """Kinds of targets."""
     targets: int = 200
-    """Targets a stratum; > 0."""
+    """Targets per stratum; > 0."""
     seed: int = 0
     """Seed of the targets and starts; >= 0."""
     weight: float = 1e-3

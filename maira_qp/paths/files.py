@@ -15,14 +15,20 @@ from maira_qp.paths.sampling import placed
 
 
 def from_csv(
-    file: str | PathLike[str], *, degrees: bool = False, project: bool = False, frame: Any = None
+    file: str | PathLike[str],
+    *,
+    degrees: bool = False,
+    millimetres: bool = False,
+    project: bool = False,
+    frame: Any = None,
 ) -> np.ndarray:
-    """Read a path from a CSV file, a pose a line: poses (N, 4, 4).
+    """Read a path from a CSV file, one pose per line: poses (N, 4, 4).
 
     Args:
         file: its name. The first line names the columns: `x`, `y`, `z` [m] and `qw`, `qx`, `qy`, `qz` (scalar first)
             or `roll`, `pitch`, `yaw`; or `m00`, `m01`, ... `m23`, the matrix by rows. Further columns are ignored.
         degrees: roll, pitch and yaw are in degrees, else in radians.
+        millimetres: positions are in millimetres, else in metres.
         project: take the nearest rotation to a rounded one, however far it is.
         frame: see `maira_qp.paths`.
 
@@ -31,7 +37,11 @@ def from_csv(
     if not isinstance(file, (str, PathLike)) or Path(file).suffix.lower() != ".csv":
         raise OptionError(f"file must be the name of a .csv file, got {shown(file)}")
     poses = read_poses(
-        Path(file), None, radian=180.0 / np.pi if flag(degrees, "degrees") else 1.0, project=flag(project, "project")
+        Path(file),
+        None,
+        radian=180.0 / np.pi if flag(degrees, "degrees") else 1.0,
+        metre=1e3 if flag(millimetres, "millimetres") else 1.0,
+        project=flag(project, "project"),
     )
     if not len(poses):
         raise PoseError(f"{file} holds no pose below its header")

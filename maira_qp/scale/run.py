@@ -83,7 +83,7 @@ def run(
         job: such as `ReachJob.of(robot, ...)`.
         folder: new, empty, or that of the same job. All workers must see it.
         engine: "processes" (of this machine), "here" (this process), "dask", "ray", or an `Engine`.
-        workers: at a time; None: one a processor, or as many as the cluster has.
+        workers: at a time; None: one per processor, or as many as the cluster has.
         address: of a scheduler that runs already, for "dask" and "ray"; none: a cluster of this machine.
         threads: of the compiled engine, for each worker.
         part: (i, n), i from 1 to n: do the i-th of n parts of the items, and write no output. For arrays of tasks

@@ -42,7 +42,7 @@ def reachability(
             what is left to a solve.
         targets: (N, 4, 4), or a sequence of poses.
         seed: as for `Solver.solve_batch`.
-        threads: of the compiled engine; None: one a processor. No verdict depends on it.
+        threads: of the compiled engine; None: one per processor. No verdict depends on it.
         proof_boxes: boxes of joint values that a proof may take, for chains in compiled code that are no S-R-S arms; 0:
             no proof is tried; None: as many as in a solve.
 

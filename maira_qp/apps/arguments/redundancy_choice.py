@@ -20,8 +20,8 @@ class RedundancyChoice:
     """What the redundancy is used for."""
 
     redundancy: Literal["none", "weighted", "fading", "strict"] = "none"
-    """Joints near mid-range: no wish (none), traded for the pose at --weight (weighted), the same with a weight that
-    fades as the pose is reached (fading), or as far as the pose allows (strict)."""
+    """Keep the joints near mid-range: not at all (none), at some cost of the pose, see --weight (weighted), the same
+    with a weight that fades as the pose is reached (fading), or as far as the pose allows (strict)."""
     weight: Maybe[float] = None
     """What the posture counts beside the squared pose error, with --redundancy weighted or fading; > 0; none: 1e-3."""
 

@@ -33,8 +33,8 @@ class RobotChoice:
     base: Maybe[str] = None
     """Link that poses are relative to; none: the root."""
     tool: ToolPose = None
-    """A tool in the tip, which then is what poses are of: X Y Z [m, or mm with --mm], or with ROLL PITCH YAW [rad, or
-    deg with --deg] or a quaternion W X Y Z behind them; none: the tip itself."""
+    """A tool in the tip, which then is what poses are of: X Y Z [m], or with ROLL PITCH YAW [rad] or a quaternion
+    W X Y Z behind them, in mm with --mm and in deg with --deg where a command has these; none: the tip itself."""
     limits: Annotated[tuple[str, ...], UNSAID] = ()
     """Limits of joints of a URDF in place of its own [rad, or m], such as joint1=-1.5:1.5."""
 

@@ -234,7 +234,7 @@ def _show(summary: dict[str, Any], units: Units, out: Console) -> None:
         for heading, error in units.errors(summary["worst_position_error"], summary["worst_orientation_error"]):
             table.add_row(f"worst {heading}", error)
     rate = summary["poses_per_second"]
-    table.add_row("time", f"{summary['seconds']:.3g} s, {rate:{',.0f' if rate >= 10 else '.2g'}} poses a second")
+    table.add_row("time", f"{summary['seconds']:.3g} s, {rate:{',.0f' if rate >= 10 else '.2g'}} poses per second")
     table.add_row("QPs solved by", summary["backend"])
     table.add_row("answers", summary["output"])
     out.print(table)

@@ -35,7 +35,7 @@ class Bench:
     )
     options: SolverFlags = field(default_factory=Options)
     output: Path = Path("output/bench")
-    """Folder for rows.jsonl (a row an answer), rows.csv, summary.csv and success.png."""
+    """Folder for rows.jsonl (one row per answer), rows.csv, summary.csv and success.png."""
     json: Flag = False
     """One JSON value on stdout in place of the tables."""
 

@@ -32,7 +32,7 @@ class Compare:
     seed: int = 0
     """Seed of the poses and starts; >= 0."""
     weights: tuple[float, ...] = (1e-3, 1e-6)
-    """What the posture counts against the pose, a row of the table each; > 0."""
+    """What the posture counts against the pose, one row of the table for each; > 0."""
     backend: Maybe[str] = None
     """Who solves the QPs: compiled, daqp, ... (an unknown name lists what is installed); none: the solver's choice."""
     picture: Path = Path("output/comparison.png")

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from maira_qp.robots.model.robot import Robot
 
 FINEST = 2400
-"""Dots an inch at most: a picture of some 20,000 x 10,000."""
+"""Dots per inch at most: a picture of some 20,000 x 10,000."""
 AT_REST = 1e-5
 """A path ends where no joint is faster than this [rad/s or m/s]."""
 
@@ -44,7 +44,7 @@ class Picture(ABC):
     output: Maybe[Path] = None
     """File of the picture, .png, .svg or .pdf; none: a .png in the folder output."""
     dpi: float = 150.0
-    """Dots an inch of a .png; > 0, at most 2400."""
+    """Dots per inch of a .png; > 0, at most 2400."""
     deg: Flag = False
     """Angles in degrees."""
     mm: Flag = False
@@ -197,7 +197,7 @@ class Reach(Picture):
     seed: int = 0
     """Seed of the random starts; >= 0."""
     threads: Maybe[int] = None
-    """Threads that solve; >= 1; none: one a processor. No answer depends on it."""
+    """Threads that solve; >= 1; none: one per processor. No answer depends on it."""
 
     def _of_map(self, folder: Path, units: Units) -> Figure:
         """The cells of a plane. Raises `JobError`, `OptionError`."""
@@ -303,6 +303,7 @@ class Plot:
         maira-qp plot reach --quaternion 0 1 0 0 --output reach.pdf"""
 
     picture: tyro.conf.OmitSubcommandPrefixes[tyro.conf.OmitArgPrefixes[Pictures]]  # type: ignore[valid-type]
+    """Which picture."""
 
     def run(self) -> int:
         """Draws the picture; 0."""

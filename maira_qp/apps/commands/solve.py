@@ -39,8 +39,8 @@ class Solve:
     With --all every solution, the best first: those of all branches; of a redundant arm the best of each arc or, where
     these are not known in closed form, the local optima that were found.
 
-    With --batch a file of poses, one a row. CSV and Parquet have columns x, y, z with qw, qx, qy, qz (scalar first) or
-    with roll, pitch, yaw, or alone: then the orientation is free; or m00, m01, ... m23, the rows of the 4x4 matrix.
+    With --batch a file of poses, one per row. CSV and Parquet have columns x, y, z with qw, qx, qy, qz (scalar first)
+    or with roll, pitch, yaw, or alone: then the orientation is free; or m00, m01, ... m23, the rows of the 4x4 matrix.
     Optionally a start q0_<joint> for each joint; further columns are carried along. NPZ has an array targets (N, 4, 4),
     optionally q0 (N, n); NPY is an array (N, 4, 4), or one with these columns as its fields. A row with an empty cell
     or NaN is not solved: its status is INVALID_TARGET.
@@ -75,7 +75,7 @@ class Solve:
     """File of the answers to --batch, .csv, .npy, .npz or .parquet; -: CSV to standard output, and the summary to
     stderr; none: poses.csv is answered in poses.solved.csv, - in -."""
     threads: Maybe[int] = None
-    """Threads that solve --batch; >= 1; none: one a processor. No answer depends on it."""
+    """Threads that solve --batch; >= 1; none: one per processor. No answer depends on it."""
     all: Flag = False
     """List every solution that is known, ranked by how near the joints are to mid-range, in place of one."""
     q0: JointValues = None

@@ -164,7 +164,7 @@ def _show(summary: dict[str, Any], units: Units, out: Console) -> None:
     table.add_row("reconfigurations", str(summary["reconfigurations"]))
     for heading, error in units.errors(summary["worst_position_error"], summary["worst_orientation_error"]):
         table.add_row(f"worst {heading}", error)
-    table.add_row("time", f"{summary['seconds']:.3g} s, {summary['poses_per_second']:,.0f} poses a second")
+    table.add_row("time", f"{summary['seconds']:.3g} s, {summary['poses_per_second']:,.0f} poses per second")
     table.add_row("answers", summary["output"])
     out.print(table)
     for hint in summary["hints"]:

@@ -82,7 +82,7 @@ def figure(
 def save(made: Figure, path: str | Path, *, dpi: float = DPI) -> Path:
     """Write a figure to a file, whole or not at all; its kind follows from the name (.png, .svg, .pdf).
 
-    Missing folders are made. `dpi` is dots an inch. Raises `OSError`.
+    Missing folders are made. `dpi` is dots per inch. Raises `OSError`.
     """
     path = Path(path)
     with replacing(path) as file:

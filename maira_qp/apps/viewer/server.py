@@ -143,12 +143,14 @@ class Viewer:
             file.write_bytes(content)
             self._replace(prepared(RobotChoice(robot=str(file), tip=tip), name, content))
 
-    def path_file(self, path: str, degrees: bool, client: viser.ClientHandle | None) -> None:
-        """Follow the path of a file; in a CSV file roll, pitch and yaw may be in degrees."""
+    def path_file(self, path: str, degrees: bool, millimetres: bool, client: viser.ClientHandle | None) -> None:
+        """Follow the path of a CSV file in m and rad, or in mm, or in degrees."""
         with self.failures(client):
-            self._lay(Path(path).name, from_csv(path, degrees=degrees))
+            self._lay(Path(path).name, from_csv(path, degrees=degrees, millimetres=millimetres))
 
-    def uploaded_path(self, name: str, content: bytes, degrees: bool, client: viser.ClientHandle | None) -> None:
+    def uploaded_path(
+        self, name: str, content: bytes, degrees: bool, millimetres: bool, client: viser.ClientHandle | None
+    ) -> None:
         """Follow the path of a file that a browser sent; its name is only shown."""
         with self.failures(client), tempfile.TemporaryDirectory() as directory:
             if len(content) > LARGEST_UPLOAD:
@@ -156,7 +158,7 @@ class Viewer:
             file = Path(directory) / "path.csv"
             file.write_bytes(content)
             try:
-                self._lay(name, from_csv(file, degrees=degrees))
+                self._lay(name, from_csv(file, degrees=degrees, millimetres=millimetres))
             except PoseError as reason:
                 raise PoseError(str(reason).replace(str(file), name)) from reason
 

@@ -218,7 +218,7 @@ class Session:
         along.stand_at(along.station.path.next_failure(along.station.index))
 
     def play_path(self, rate: float) -> None:
-        """The arm goes on along the path, by so many poses a second at most. Raises `OptionError`."""
+        """The arm goes on along the path, by so many poses per second at most. Raises `OptionError`."""
         self._along_path().play(rate)
 
     def pause_path(self) -> None:

@@ -22,7 +22,7 @@ class DaskCluster(Engine):
     """Workers of a Dask cluster; a worker that dies is Dask's to replace, and its shard is done again."""
 
     def __init__(self, workers: int | None = None, *, address: str = "") -> None:
-        """At most so many at a time, None: one a processor, or all that a cluster has, whose scheduler is at `address`.
+        """At most so many at a time, None: one per processor, or all of a cluster, whose scheduler is at `address`.
 
         Raises `OptionError` where Dask is not installed.
         """

@@ -32,7 +32,7 @@ class Processes(Engine):
     writes_output = True
 
     def __init__(self, workers: int | None = None, *, time_limit: float = 600.0) -> None:
-        """So many workers, None: one a processor; a shard may take `time_limit` [s], > 0. Raises `OptionError`."""
+        """So many workers, None: one per processor; a shard may take `time_limit` [s], > 0. Raises `OptionError`."""
         if not time_limit > 0:
             raise OptionError(f"time_limit must be positive, got {time_limit}")
         self.workers = processors() if workers is None else workers

@@ -19,7 +19,7 @@ class RayCluster(Engine):
     """Tasks of a Ray cluster, one processor each; a task whose worker dies is done again by Ray."""
 
     def __init__(self, workers: int | None = None, *, address: str = "") -> None:
-        """At most so many at a time, None: one a processor, or all that a cluster has, which is at `address`.
+        """At most so many at a time, None: one per processor, or all that a cluster has, which is at `address`.
 
         Raises `OptionError` where Ray is not installed.
         """

@@ -70,7 +70,7 @@ def place(
         quality: "limit_distance" (0 at a joint limit, 1 midway between them) or "manipulability".
         redundancy: what the solver prefers among the configurations for a pose; None: `Strict(LimitDistance())`.
         seed: of the solver's random starts.
-        threads: of the compiled engine; None: one a processor. No answer depends on it.
+        threads: of the compiled engine; None: one per processor. No answer depends on it.
         progress: callback, called with how many bases are scored and how many there are.
 
     Raises `OptionError` for ranges and names out of range, and without `x` and `y` for an arm whose reach has no bound;

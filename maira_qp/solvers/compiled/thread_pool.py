@@ -36,7 +36,7 @@ def in_shares(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> None:
-    """Call `work` for slices that make up range(count), each at most a share long, on threads (None: one a processor).
+    """Call `work` for slices that make up range(count), each at most a share long, on threads; None: one per processor.
 
     The first are done by this thread; others begin if it takes long. Ctrl-C, or an exception in one of them, sets the
     event that `work` is given: it should return soon then. No share is begun any more, and the exception is raised.

@@ -237,7 +237,8 @@ def test_poses_out_of_reach_are_named_and_visited(session, home):
     session.explain_path()
     assert "looking for a proof" in readout.path(session.tick(DT))
     view = tick(session, 2)
-    assert path.proof.words in readout.path(view)
+    assert in_units(path.proof.words, UNITS) in readout.path(view)
+    assert " m " not in readout.path(view)
     assert view.path.station.index == first  # and the arm is where it was
 
 

@@ -30,6 +30,9 @@ def test_a_path_comes_back_from_its_quaternions_matrices_and_angles(rng, tmp_pat
     file = written(tmp_path / "c.csv", "x,y,z,roll,pitch,yaw", angles)
     np.testing.assert_allclose(paths.from_csv(file, degrees=True), poses, atol=1e-9)
     assert not np.allclose(paths.from_csv(file), poses)
+    rows = [[*1e3 * T[:3, 3], q.w, q.x, q.y, q.z] for T, q in zip(poses, quaternions, strict=True)]
+    file = written(tmp_path / "d.csv", "x,y,z,qw,qx,qy,qz", rows)
+    np.testing.assert_allclose(paths.from_csv(file, millimetres=True), poses, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -117,6 +117,7 @@ class Job:
         maira-qp job status map.zarr"""
 
     action: tyro.conf.OmitSubcommandPrefixes[tyro.conf.OmitArgPrefixes[JobActions]]  # type: ignore[valid-type]
+    """What to do with it."""
 
     def run(self) -> int:
         """Does what was asked for."""

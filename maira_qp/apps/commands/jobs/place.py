@@ -73,7 +73,7 @@ class Place:
     seed: int = 0
     """Seed of the random starts; >= 0."""
     threads: Maybe[int] = None
-    """Threads; >= 1; none: one a processor. No answer depends on it."""
+    """Threads; >= 1; none: one per processor. No answer depends on it."""
     project: Flag = False
     """Take the nearest rotations to rounded ones, on purpose."""
     output: Maybe[Path] = None

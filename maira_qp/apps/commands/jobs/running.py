@@ -27,7 +27,7 @@ class RunChoice:
     engine: Literal["processes", "here", "dask", "ray"] = "processes"
     """processes of this machine, or here: this process alone, or a cluster of dask or ray."""
     workers: Maybe[int] = None
-    """Workers at a time; >= 1; none: one a processor, or as many as the cluster has."""
+    """Workers at a time; >= 1; none: one per processor, or as many as the cluster has."""
     address: str = ""
     """Of a scheduler of dask or ray that runs already, such as tcp://head:8786; none: a cluster of this machine."""
     shard: str = ""

@@ -144,9 +144,9 @@ class Along(Motion):
         self._index, self._rate = min(max(index, 0), len(self._path) - 1), 0.0
 
     def play(self, rate: float) -> None:
-        """Onward by so many poses a second, from the beginning if it is at the end. Raises `OptionError`."""
+        """Onward by so many poses per second, from the beginning if it is at the end. Raises `OptionError`."""
         if not 0.0 < rate < np.inf:
-            raise OptionError(f"the speed must be a positive number of poses a second, got {shown(rate)}")
+            raise OptionError(f"the speed must be a positive number of poses per second, got {shown(rate)}")
         self._index = 0 if self._index == len(self._path) - 1 else self._index
         self._rate, self._time = rate, 0.0
 

@@ -36,10 +36,12 @@ class Ask(Protocol):
     def uploaded_robot(self, name: str, content: bytes, tip: str | None, client: viser.ClientHandle | None) -> None:
         """Another robot, from a file that a browser sent."""
 
-    def path_file(self, path: str, degrees: bool, client: viser.ClientHandle | None) -> None:
-        """The path is that of a CSV file where the viewer runs; its roll, pitch and yaw may be in degrees."""
+    def path_file(self, path: str, degrees: bool, millimetres: bool, client: viser.ClientHandle | None) -> None:
+        """The path is that of a CSV file where the viewer runs, in m and rad, or in mm, or in degrees."""
 
-    def uploaded_path(self, name: str, content: bytes, degrees: bool, client: viser.ClientHandle | None) -> None:
+    def uploaded_path(
+        self, name: str, content: bytes, degrees: bool, millimetres: bool, client: viser.ClientHandle | None
+    ) -> None:
         """The path is that of a CSV file that a browser sent."""
 
     def failures(self, client: viser.ClientHandle | None) -> AbstractContextManager[None]:

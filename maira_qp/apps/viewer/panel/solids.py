@@ -13,10 +13,10 @@ from maira_qp.robots.collision.shapes import Box, Capsule, Cylinder, Ellipsoid, 
 KINDS = ("Ball", "Box", "Cylinder", "Capsule")
 NAMES_OF_SIZES: dict[type[Shape], tuple[str, ...]] = {
     Sphere: ("radius",),
-    Box: ("x", "y", "z"),
+    Box: ("size x", "y", "z"),
     Cylinder: ("radius", "length"),
     Capsule: ("radius", "length"),
-    Ellipsoid: ("a", "b", "c"),
+    Ellipsoid: ("radii x", "y", "z"),
 }
 _ARRAYS: dict[type[Shape], str] = {Box: "size", Ellipsoid: "radii"}
 """Of those whose sizes are one field"""

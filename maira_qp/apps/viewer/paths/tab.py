@@ -28,7 +28,7 @@ class PathTab:
         self._add_following(gui)
         self._state = gui.add_html("")
         self._at = Slider(gui.add_slider("Pose", 0.0, 1.0, 1.0, 0.0, visible=False), self._stand_at)
-        self._speed = gui.add_number("Poses a second", 20.0, min=0.1, max=1e4, visible=False)
+        self._speed = gui.add_number("Poses per second", 20.0, min=0.1, max=1e4, visible=False)
         self._playing = gui.add_button_group("Arm", (PLAY, PAUSE), visible=False)
         self._failing = gui.add_button_group("Failures", (NEXT, WHY), visible=False)
         with gui.add_folder("Save", expand_by_default=False):
@@ -64,8 +64,9 @@ class PathTab:
         with gui.add_folder("Circle or file", expand_by_default=False):
             radius = gui.add_number("Radius [mm]", round(100 * length), min=1, max=round(1e3 * FARTHEST * length))
             circle = gui.add_button("Circle about the target", icon=viser.Icon.CIRCLE)
-            file = gui.add_text("CSV", "", hint="Columns x, y, z [m] and qw, qx, qy, qz or roll, pitch, yaw")
-            degrees = gui.add_checkbox("Roll, pitch, yaw in degrees", False)
+            file = gui.add_text("CSV", "", hint="Columns x, y, z and qw, qx, qy, qz or roll, pitch, yaw")
+            millimetres = gui.add_checkbox("Lengths in mm", False, hint="Else in m")
+            degrees = gui.add_checkbox("Angles in degrees", False, hint="Else in rad")
             load = gui.add_button("Load the path", icon=viser.Icon.FILE)
             upload = gui.add_upload_button("Upload a path", mime_type=".csv", icon=viser.Icon.UPLOAD)
 
@@ -93,11 +94,11 @@ class PathTab:
 
         @load.on_click
         def _(event: viser.GuiEvent) -> None:
-            ask.path_file(file.value.strip(), degrees.value, event.client)
+            ask.path_file(file.value.strip(), degrees.value, millimetres.value, event.client)
 
         @upload.on_upload
         def _(event: viser.GuiEvent) -> None:
-            ask.uploaded_path(upload.value.name, upload.value.content, degrees.value, event.client)
+            ask.uploaded_path(upload.value.name, upload.value.content, degrees.value, millimetres.value, event.client)
 
     def _add_following(self, gui: viser.GuiApi) -> None:
         start = gui.add_dropdown("Start", (FROM_HERE, FROM_ANYWHERE), hint="Which configurations it may begin with")

@@ -64,7 +64,7 @@ def why(view: PathView) -> str:
         return ""
     if not view.followed.proof:
         return "No proof was found: with another start, or another redundancy, it may be followed further."
-    return f"Proved: {view.followed.proof}."
+    return f"Proved: {in_units(view.followed.proof, UNITS)}."
 
 
 def html(view: PathView, good: str, bad: str, quiet: str) -> str:
