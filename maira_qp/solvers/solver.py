@@ -440,9 +440,10 @@ class Solver(Shown):
         """Follow a path of poses: joint values for each, so that no joint jumps from one pose to the next.
 
         Branch, whole turns and redundancy are chosen for the path as a whole: layers of configurations along it are
-        linked by dynamic programming, and the line through them is smoothed along the self-motions: that is what the
-        redundancy is for, and the solver's own objectives and lower tasks play no part. The line is found, not
-        proved: where none was found, the result says how far the path is followed and what stands in the way.
+        linked by dynamic programming, and the line through them is smoothed along the self-motions. A `Posture` or
+        `LimitDistance` of the solver then draws on it, as far as its largest step grows by a fifth at most; other
+        objectives and lower tasks play no part. The line is found, not proved: where none was found, the result says
+        how far the path is followed and what stands in the way.
 
         Args:
             path: N poses as for `solve_batch`; in a mapping one value for all of them of what is no pose of the path.

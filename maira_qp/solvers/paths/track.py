@@ -24,6 +24,7 @@ from maira_qp.results.solution import Solution
 from maira_qp.solvers.paths.continuity import is_continuous
 from maira_qp.solvers.paths.corridor import filled, smoothed
 from maira_qp.solvers.paths.descents import PathArrays
+from maira_qp.solvers.paths.evenness import drawn_to
 from maira_qp.solvers.paths.failures import ROUNDING, broken, loop_gap, missed, open_end
 from maira_qp.solvers.paths.free_axis import free_axis, start_with_joint, without_turning
 from maira_qp.solvers.paths.layers import Density, layer_indices, layers_of
@@ -95,7 +96,8 @@ def _track(
     for begin, end in runs(reached):
         parts_done(begin, count)
         part, is_start_given = path.some(slice(begin, end)), begin == 0 and first is not None
-        q[begin:end] = follow(part, q[begin:end], is_start_given, rules.loop and end - begin == count, rng, densities)
+        is_loop = rules.loop and end - begin == count
+        q[begin:end] = _followed(part, q[begin:end], is_start_given, is_loop, rng, densities)
     others = _nearest(following, path, targets, q, start, meter.stage(PARTS_DONE, 1.0))
     if rules.loop and count:
         _close(path, q)
@@ -177,7 +179,7 @@ def _followed_by_knots(
     if not reached.all():
         return None, False
     some = path.some(knots)
-    line = follow(some, known, start is not None, is_loop, rng)
+    line = _followed(some, known, start is not None, is_loop, rng)
     meter.reach(KNOTS_DONE)
     q, arrived = filled(path, knots, line, CubicSpline)
     return q if arrived.all() else filled(path, knots, line)[0], _breaks(some, line) > 0
@@ -208,6 +210,19 @@ def _judged(
         found.append(end)
     failures = tuple(sorted(found, key=lambda each: each.index))
     return PathSolution(own, reached, errors[:, 0], errors[:, 1], rules, failures, path.rows, engines)
+
+
+def _followed(
+    path: PathArrays,
+    known: np.ndarray,
+    is_start_given: bool,
+    is_loop: bool,
+    rng: np.random.Generator,
+    densities: Sequence[Density] = DENSITIES,
+) -> np.ndarray:
+    """What `follow` finds, drawn to the posture of the problem that was asked, if it has one."""
+    q, posture = follow(path, known, is_start_given, is_loop, rng, densities), path.asked.posture
+    return q if posture is None else drawn_to(path, q, (is_start_given or is_loop, is_loop), posture)
 
 
 def follow(

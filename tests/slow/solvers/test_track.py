@@ -477,3 +477,28 @@ def test_an_empty_path_can_be_looked_at():
     assert "0 poses" in repr(path)
     assert path.parts == []
     assert path._repr_html_()
+
+
+@pytest.mark.parametrize(("name", "seed"), [("maira", 2), ("panda", 3), ("xarm7", 3)])
+@pytest.mark.parametrize("is_start_given", [False, True])
+def test_a_posture_draws_on_the_line_and_steps_stay_as_small(name, seed, is_start_given):
+    robot = arm(name)
+    motion = smooth_motion(robot, np.random.default_rng(seed), 100)
+    targets, start = poses_along(robot, motion), motion[0] if is_start_given else None
+    posture = mq.Posture(robot.middle).of(robot)
+    free = mq.Solver(robot).track(targets, start)
+    for redundancy in (mq.Strict(posture), mq.Weighted(mq.LimitDistance())):
+        drawn = mq.Solver(robot, redundancy=redundancy).track(targets, start)
+        assert drawn, drawn.reason
+        assert drawn.max_joint_step <= 1.21 * free.max_joint_step
+        if isinstance(redundancy, mq.Strict):
+            assert posture.costs(drawn.q).sum() < 0.97 * posture.costs(free.q).sum()
+        if is_start_given:
+            np.testing.assert_array_equal(drawn.q[0], free.q[0])
+
+
+def test_a_loop_that_a_posture_draws_on_is_closed(rng):
+    robot = mq.Robot.maira()
+    path = mq.Solver(robot, redundancy=mq.Strict(mq.Posture())).track(circle(60), loop=True)
+    assert path, path.reason
+    np.testing.assert_allclose(path.q[-1], path.q[0], atol=1e-12)
