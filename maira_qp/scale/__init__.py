@@ -20,6 +20,7 @@ from maira_qp.scale.placement.place import place
 from maira_qp.scale.placement.placements import Placement, Placements
 from maira_qp.scale.reach.job import ReachJob
 from maira_qp.scale.reach.reach_map import MapSlice, ReachMap
+from maira_qp.scale.reach.surface import MapSurface
 from maira_qp.scale.run import JobState, Verification, resume, run, state_of, verify
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "Job",
     "JobState",
     "MapSlice",
+    "MapSurface",
     "Placement",
     "Placements",
     "ReachJob",

@@ -175,7 +175,7 @@ class SelfMotion(Picture):
 @explained
 @dataclass(frozen=True, kw_only=True)
 class Reach(Picture):
-    """A plane of positions, each reached or not at one orientation; or of a map."""
+    """Where the tool can be at one orientation, on a plane; or a map of the reach."""
 
     name = "reach"
 
@@ -184,6 +184,8 @@ class Reach(Picture):
     quantity: str = "reachable"
     """What of the map is drawn: reachable, unreachable or undecided, a share of the orientations; directions_open, how
     many; manipulability or limit_distance, the largest that was found."""
+    surface: Maybe[float] = None
+    """In place of the plane the surface on which the quantity of the map has this value; needs maira-qp[surface]."""
     quaternion: Quaternion = None
     """Orientation of the tool as a unit quaternion, scalar first; without any: that of the base."""
     rpy: Rpy = None
@@ -200,13 +202,23 @@ class Reach(Picture):
     """Threads that solve; >= 1; none: one per processor. No answer depends on it."""
 
     def _of_map(self, folder: Path, units: Units) -> Figure:
-        """The cells of a plane. Raises `JobError`, `OptionError`."""
+        """The cells of a plane, or a surface. Raises `JobError`, `OptionError`."""
         from maira_qp.apps import plots
         from maira_qp.scale.reach.reach_map import ReachMap
 
         if self.choice != RobotChoice():
             raise OptionError("--map has its robot: leave out --robot, --tip, --base and --limits")
         reach = ReachMap.open(folder)
+        if self.surface is not None:
+            try:
+                surface = reach.surface(self.quantity, self.surface)
+            except OptionError as reason:
+                raise reason.at("--surface") from None
+            made = plots.figure(space=True, size=(6.4, 5.6))
+            plots.map_surface(made.axes[0], *surface)
+            quantity = self.quantity.replace("_", " ")
+            made.axes[0].set_title(f"{reach.robot.name}: {quantity} = {self.surface:g}, cells of {reach.job.cell:g} m")
+            return made
         cut = reach.slice(self.plane, self.at / units.metre, self.quantity)
         made = plots.figure(size=(6.4, 4.8))
         plots.map_slice(made.axes[0], cut.x, cut.y, cut.values, axes=self.plane, label=self.quantity)
@@ -218,6 +230,8 @@ class Reach(Picture):
         """A batch of poses, a cell each; or cells of a map."""
         if self.map is not None:
             return self._of_map(self.map, units)
+        if self.surface is not None:
+            raise OptionError("--surface is of a map: give --map")
         from maira_qp.apps import plots
         from maira_qp.apps.arguments.output import progress_bar
         from maira_qp.evaluation.reach_slice import reach_slice

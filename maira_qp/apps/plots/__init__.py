@@ -10,7 +10,7 @@ from maira_qp.apps.plots.convergence import convergence
 from maira_qp.apps.plots.joint_paths import joint_paths
 from maira_qp.apps.plots.path import joint_rates, path_picture, pose_errors, swivel_arcs
 from maira_qp.apps.plots.placement import placements
-from maira_qp.apps.plots.reach import map_slice, reach_slice
+from maira_qp.apps.plots.reach import map_slice, map_surface, reach_slice
 from maira_qp.apps.plots.self_motion import arc_bars, self_motion
 from maira_qp.apps.plots.style import COLORS, DASHES, LIMIT_COLOR, MARKERS, figure, finish, line, save, style
 from maira_qp.apps.plots.success import success_bars, success_picture
@@ -33,6 +33,7 @@ __all__ = [
     "joint_rates",
     "line",
     "map_slice",
+    "map_surface",
     "path_picture",
     "placements",
     "pose_errors",

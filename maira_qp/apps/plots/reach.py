@@ -1,11 +1,14 @@
-"""Where a tool can be, on a plane: of one orientation, or of a map of many."""
+"""Where a tool can be: on a plane, of one orientation or of a map of many; and the surfaces of a map."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.colors import BoundaryNorm, LightSource, ListedColormap
 from matplotlib.patches import Patch
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from maira_qp.apps.plots.style import COLORS, finish, styled
 from maira_qp.results.status import Status
@@ -52,6 +55,22 @@ def map_slice(
     ax.set(xlabel=f"{axes[0]} [m]", ylabel=f"{axes[1]} [m]")
     ax.figure.colorbar(drawn, ax=ax, label=label.replace("_", " "))
     ax.grid(False)
+
+
+@styled
+def map_surface(ax: Any, vertices: np.ndarray, faces: np.ndarray) -> None:
+    """A surface of triangles, vertices (V, 3) [m] and faces (F, 3), in axes of three dimensions.
+
+    `map_surface(figure(space=True).axes[0], *reach.surface("reachable", 0.5))` draws what `ReachMap.surface` gives.
+    """
+    drawn = Poly3DCollection(
+        vertices[faces], facecolors=COLORS[0], shade=True, lightsource=LightSource(azdeg=165, altdeg=45)
+    )
+    ax.add_collection3d(drawn)
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    ax.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    ax.set_box_aspect(np.maximum(high - low, 1e-9))
 
 
 def verdicts(status: np.ndarray) -> np.ndarray:

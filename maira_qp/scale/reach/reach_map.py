@@ -19,6 +19,7 @@ from maira_qp.scale.job import job_of
 from maira_qp.scale.manifest import read_manifest
 from maira_qp.scale.reach import store
 from maira_qp.scale.reach.job import ReachJob
+from maira_qp.scale.reach.surface import MapSurface, surface_at
 
 PLANES = {"xy": (0, 1, 2), "xz": (0, 2, 1), "yz": (1, 2, 0)}
 """Planes by their axes, the third of which is across."""
@@ -133,6 +134,14 @@ class ReachMap(Shown):
             raise OptionError(f"at must be from {low:g} to {high:g} m, where the map is, got {at}")
         values = np.take(self.values(quantity), k, axis=across).T
         return MapSlice(grid.axis(first), grid.axis(second), values, float(grid.axis(across)[k]))
+
+    def surface(self, quantity: str = "reachable", level: float = 0.5) -> MapSurface:
+        """The closed surface on which a quantity of the cells has a value, `level`: cells inside have more.
+
+        Between the centres of cells it is interpolated; cells without a value count as 0. Needs scikit-image,
+        `maira-qp[surface]`. Raises `OptionError` for another quantity, and for a level that no surface has.
+        """
+        return surface_at(self.values(quantity), level, self.job.positions)
 
     @cached_property
     def _flat(self) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Jobs from the command line: run, interrupted, gone on with, looked at, verified."""
 
+import importlib.util
 import json
 import signal
 import subprocess
@@ -53,6 +54,10 @@ def test_a_plane_of_a_map_is_drawn(maira_qp, tmp_path):
     flags = ("--map", folder, "--plane", "xy", "--at", "0.5", "--quantity", "manipulability", "--output", str(picture))
     assert maira_qp("plot", "reach", *flags)[0] == 0
     assert picture.read_bytes().startswith(b"\x89PNG")
+    if importlib.util.find_spec("skimage") is not None:
+        assert maira_qp("plot", "reach", *flags, "--surface", "0.03")[0] == 0
+        assert "--surface: level must be" in misuse(maira_qp("plot", "reach", *flags, "--surface", "50"))
+    assert "--surface is of a map" in misuse(maira_qp("plot", "reach", "--surface", "1", *flags[-2:]))
     assert "--at must be from" in misuse(maira_qp("plot", "reach", *flags, "--at", "50"))
     assert "--map has its robot" in misuse(maira_qp("plot", "reach", *flags, "--robot", "iiwa14"))
 

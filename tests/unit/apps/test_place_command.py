@@ -92,6 +92,9 @@ def test_cells_of_a_map_as_points(tmp_path):
     assert colours[0].tolist() == [0, 32, 76]
     assert (np.diff(colours.sum(axis=1).astype(int)) > 0).all()
     assert layers.colours(np.empty(0)).shape == (0, 3)
+    pytest.importorskip("skimage")
+    assert layers.surface_shown(reach, "manipulability", 0.5).faces.shape[1] == 3
+    assert layers.surface_shown(reach, "manipulability", 1.0) is None
 
 
 def test_layers_are_drawn_beside_the_arm():

@@ -123,6 +123,25 @@ def test_places_and_planes(job, reach_map):
         reach_map.values("reachabel")
 
 
+def test_a_surface_is_between_the_cells_that_have_more_and_those_that_have_less(job, reach_map):
+    trimesh = pytest.importorskip("trimesh")
+    pytest.importorskip("skimage")
+    share = reach_map.values("reachable")
+    vertices, faces = reach_map.surface("reachable", 0.3)
+    closed = trimesh.Trimesh(vertices, faces)
+    assert closed.is_watertight
+    about = np.array(job.centre)
+    assert (np.linalg.norm(vertices - about, axis=1) < job.radius + CELL).all()
+    first = np.array([job.positions.axis(k)[0] for k in range(3)])
+    assert (vertices.min(axis=0) > first - CELL).all()
+    volume = (share >= 0.3).sum() * CELL**3
+    assert 0.4 * volume < abs(closed.volume) < 1.6 * volume
+    assert reach_map.surface("manipulability", 0.05).faces.shape[1] == 3
+    for level in (0.0, 1.01, np.nan):
+        with pytest.raises(OptionError, match="level must be between 0 and"):
+            reach_map.surface("reachable", level)
+
+
 def test_the_store_is_the_same_for_any_cut_and_engine(job, folder, tmp_path):
     run(job, tmp_path / "cut", engine="here", part=(2, 3), shard=17)
     run(job, tmp_path / "cut", engine="processes", workers=1, shard=50)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -9,17 +10,19 @@ import numpy as np
 import viser
 
 from maira_qp.apps.viewer.panel.controls import Ask
+from maira_qp.errors import OptionError
 from maira_qp.orientation import quaternion_from_matrix
 
 if TYPE_CHECKING:
     from maira_qp.scale.placement.placements import Placements
     from maira_qp.scale.reach.reach_map import ReachMap
+    from maira_qp.scale.reach.surface import MapSurface
 
 Layer = Callable[[viser.ViserServer, Ask], None]
 """Draws itself, with its own controls below those of the panel."""
 GRADIENT = np.array([[0, 32, 76], [67, 78, 108], [125, 124, 120], [188, 175, 111], [255, 234, 70]], dtype=float)
 """Colours from the smallest value to the largest: dark blue to yellow, which the colour-blind and grey print keep."""
-REACHED, LOST = (47, 158, 68), (224, 49, 49)
+REACHED, LOST, SURFACE = (47, 158, 68), (224, 49, 49), (67, 78, 108)
 MOST_POINTS = 60_000
 """Of a map: of a larger one every second cell, or third, ... along each axis."""
 QUANTITIES = ("reachable", "unreachable", "undecided", "directions_open", "manipulability", "limit_distance")
@@ -70,8 +73,32 @@ def put_points(
     )
 
 
+def surface_shown(reach: ReachMap, quantity: str, share: float) -> MapSurface | None:
+    """The surface on which a quantity has such a share of its largest value; None where there is none."""
+    high = float(np.nanmax(reach.values(quantity), initial=0.0))
+    try:
+        return reach.surface(quantity, share * high)
+    except OptionError:  # at either end of the slider
+        return None
+
+
+def put_mesh(server: viser.ViserServer, name: str, surface: MapSurface | None) -> None:
+    """Draw a surface one can look through, in place of that of the same name; None: nothing."""
+    empty = np.zeros((3, 3)), np.array([[0, 1, 2]])
+    vertices, faces = empty if surface is None else (surface.vertices, surface.faces)
+    server.scene.add_mesh_simple(
+        name,
+        vertices.astype(np.float32),
+        faces.astype(np.uint32),
+        color=SURFACE,
+        opacity=0.4,
+        side="double",
+        visible=surface is not None,
+    )
+
+
 def map_of(reach: ReachMap) -> Layer:
-    """A map, a point for each cell by a quantity, cut where one likes."""
+    """A map, a point for each cell by a quantity, cut where one likes; and a surface of it, if one likes."""
 
     def draw(server: viser.ViserServer, ask: Ask) -> None:
         grid = reach.job.positions
@@ -84,13 +111,23 @@ def map_of(reach: ReachMap) -> Layer:
             cut = server.gui.add_dropdown("Cut", CUTS, initial_value="y")
             half = float(grid.axis(1)[len(grid.axis(1)) // 2])
             at = server.gui.add_slider("Cut at", low, max(high, low + grid.cell), grid.cell, half, hint="[m]")
+            is_possible = importlib.util.find_spec("skimage") is not None
+            hint = "of the quantity" if is_possible else "needs maira-qp[surface]"
+            surface = server.gui.add_checkbox("Surface", False, disabled=not is_possible, hint=hint)
+            level = server.gui.add_slider("Surface at", 0.0, 1.0, 0.05, 0.5, hint="share of the largest value")
 
         def put(_: Any = None) -> None:
             points, values, edge = cells_shown(reach, quantity.value, least.value, cut.value, at.value)
             put_points(server, "/map of the reach", points, colours(values), 0.2 * edge, visible=shown.value)
 
+        def put_surface(_: Any = None) -> None:
+            found = surface_shown(reach, quantity.value, level.value) if surface.value else None
+            put_mesh(server, "/surface of the reach", found)
+
         for control in (shown, quantity, least, cut, at):
             control.on_update(put)  # type: ignore[attr-defined]
+        for control in (surface, level, quantity):
+            control.on_update(put_surface)  # type: ignore[attr-defined]
         put()
 
     return draw
