@@ -114,5 +114,5 @@ def inline(match: re.Match) -> str:
 
 
 def block(match: re.Match) -> str:
-    """A formula on a line of its own."""
-    return convert(html.unescape(match[1]), display="block")
+    """A formula on a line of its own, which scrolls where the page is narrower."""
+    return f'<div class="formula">{convert(html.unescape(match[1]), display="block")}</div>'

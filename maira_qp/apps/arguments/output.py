@@ -9,7 +9,7 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from shutil import get_terminal_size
 from typing import TYPE_CHECKING, Any, TextIO
@@ -114,6 +114,12 @@ class Units:
             (f"{name} error [{unit}]", "free" if error is None else f"{error * one:.3g}")
             for name, error, one, unit in each
         ]
+
+    def hints(self, hints: Iterable[str]) -> list[str]:
+        """Hints at other units, each with the flag that asks for them; none at those that were asked for."""
+        flags = {"degrees": "--deg"} if self.angle == "rad" else {}
+        flags |= {"millimetres": "--mm"} if self.length == "m" else {}
+        return [f"{hint} ({flag})" for hint in hints for word, flag in flags.items() if word in hint]
 
 
 def numbers(values: Any) -> str:

@@ -204,7 +204,7 @@ class Hints:
 
     def said(self) -> list[str]:
         """The hints, each with the flag that it is about."""
-        hints = [millimetres_hint_of_many(self._farthest, self._robot)]
+        hints = [millimetres_hint_of_many(self._farthest, self._robot)] if self._poses.metre == 1.0 else []
         if self._poses.radian == 1.0:
             hints += [degrees_hint_of_angles(self._angles, "roll, pitch, yaw")]
             hints += [degrees_hint(start, self._robot, "a start") for start in self._start]

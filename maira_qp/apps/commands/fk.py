@@ -60,7 +60,7 @@ class Fk:
             "matrix": T,
             "condition_number": robot.condition_number(q),
             "manipulability": robot.manipulability(q),
-            "hints": [f"{hint} (--deg)"] if hint else [],
+            "hints": units.hints([hint]),
         }
         if self.json:
             print_json(found)

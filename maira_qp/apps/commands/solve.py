@@ -135,7 +135,7 @@ class Solve:
             return 0 if solutions else 1
         solution = replace(solver.solve(target, q0=q0, rng=seed), target_deviation=self.pose.deviation)
         hints = [self.pose.hint(units)] if self.pose.hint(units) else []
-        hints += [f"{hint} (--deg)" if "degrees" in hint else hint for hint in solution.hints]
+        hints += units.hints(solution.hints)
         with reader_may_leave():
             if self.json:
                 print_json(_as_json(robot, units, solution) | {"hints": hints})

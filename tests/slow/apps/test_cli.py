@@ -319,7 +319,7 @@ def test_what_looks_like_degrees_or_millimetres_is_hinted_at(run, tmp_path, capl
     for arguments, words in (
         ((*at, "--rpy", 0, 90, 0), "--rpy holds 90 rad"),
         ((*at, "--q0", 0, 90, 0, 20, 0, 30, 0), "joint2 at 90 rad"),
-        (("solve", "--position", 400, 200, 900), "is it in millimetres?"),
+        (("solve", "--position", 400, 200, 900), "is it in millimetres? (--mm)"),
         (("fk", 0, 45, 0, 90, 0, 30, 0), "joint4 at 90 rad"),
     ):
         assert words in " ".join(run(*arguments)[1].split("hint: ")[1].split())
@@ -328,13 +328,20 @@ def test_what_looks_like_degrees_or_millimetres_is_hinted_at(run, tmp_path, capl
     assert "is it in degrees?" not in caplog.text  # nor twice, in the answer and in the log
     run(*at, "--rpy", 0, 90, 0, "--all")
     assert "--rpy holds 90 rad" in caplog.text
-    for arguments in ((*at, "--rpy", 0, 90, 0, "--deg"), at, ("fk", 0, 1, 0, 1, 0, 1, 0)):
+    for arguments in (
+        (*at, "--rpy", 0, 90, 0, "--deg"),
+        ("solve", "--position", 40000, 0, 0, "--mm"),
+        at,
+        ("fk", 0, 1, 0, 1, 0, 1, 0),
+    ):
         assert "hint" not in run(*arguments)[1]
     file = tmp_path / "poses.csv"
     file.write_text("x,y,z,roll,pitch,yaw\n400,200,900,0,90,0\n0.4,0.2,0.9,0,0,0\n")
     hints = " ".join(strict_json(run("solve", "--batch", file, "--json")[1])["hints"])
-    assert "millimetres" in hints
+    assert "is it in millimetres? (--mm)" in hints
     assert "roll, pitch, yaw holds 90 rad" in hints
+    hints = " ".join(strict_json(run("solve", "--batch", file, "--mm", "--deg", "--json")[1])["hints"])
+    assert not hints
 
 
 @pytest.mark.parametrize("arguments", [("fk", 0, 10), ("solve", "--position", 0.4, 0.2, 0.9, "--q0", 0, 10)])

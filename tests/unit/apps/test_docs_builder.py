@@ -54,6 +54,7 @@ def test_formulas_become_mathml():
     html = '<span class="arithmatex">\\(q &lt; u\\)</span><div class="arithmatex">\\[\\frac{1}{2}\\]</div>'
     made = builder("hooks").on_page_content(html, None, None, None)
     assert made.count("<math") == 2
+    assert '<div class="formula"><math' in made  # which scrolls where it is wider than the page
     assert "arithmatex" not in made
     assert "<mfrac>" in made
 

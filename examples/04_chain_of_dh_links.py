@@ -1,4 +1,4 @@
-"""The workshop: a chain of DH links chases sampled targets by gradient descent and by Newton (pseudo-inverse), on film.
+"""A chain of DH links chases random targets by gradient descent and by Newton steps (pseudo-inverse), on film.
 
 Both take a learning rate and a cap on the step of a joint; neither knows the joint limits.
 """

@@ -1,4 +1,4 @@
-"""The lecture's three examples on the KUKA LBR iiwa 14 R820, from q = 0: its printed joint angles beside ours.
+"""Three examples of a lecture on the KUKA LBR iiwa 14 R820, from q = 0: the joint angles that it prints beside ours.
 
 Its own algorithms (pseudo-inverse, the same with motion in the null space) know no limits; the solver holds them.
 """

@@ -1,4 +1,4 @@
-"""The lab: 15 random configurations of the iiwa14, each position solved from two random guesses by Newton-Raphson.
+"""Newton-Raphson: 15 random configurations of the iiwa14, each position solved from two random guesses.
 
 Then the same method on a planar arm of two links, where the answer is known in closed form.
 """
