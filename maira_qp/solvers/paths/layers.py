@@ -105,10 +105,11 @@ def _merged(path: PathArrays, index: int, here: np.ndarray, found: np.ndarray, d
     here = path.problem.turns.in_window(np.concatenate([here, found]))
     at_limits, are_on = _at_limits(path, here)
     kept = _thinned(here, are_on, density)
-    here, at_limits, are_on = here[kept], at_limits[kept], are_on[kept].any(axis=1)
-    if are_on.any():
-        turned = TURN * np.round((here[are_on] - at_limits[are_on]) / TURN)
-        here[are_on] = path.exactly(np.full(len(turned), index), at_limits[are_on]) + turned
+    here, at_limits = here[kept], at_limits[kept]
+    turned = are_on[kept][:, _with_turns(path)].any(axis=1)
+    if turned.any():
+        away = TURN * np.round((here[turned] - at_limits[turned]) / TURN)
+        here[turned] = path.exactly(np.full(len(away), index), at_limits[turned]) + away
     return here
 
 
@@ -135,9 +136,10 @@ def _held_up(path: PathArrays, q: np.ndarray) -> np.ndarray:
 def _at_limits(path: PathArrays, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The configurations (M, n) with joints that are on a limit but for whole turns at a turn in which it limits.
 
-    And which joints (M, n) these are.
+    And which joints (M, n) are on a limit, turns or not.
     """
-    there, are_on = q.copy(), np.zeros(q.shape, dtype=bool)
+    robot = path.problem.robot
+    there, are_on = q.copy(), (q < robot.lower + ON_LIMIT) | (q > robot.upper - ON_LIMIT)
     for i in _with_turns(path):
         at_lower, at_upper = _at_limits_of(path, q, i, ON_LIMIT)
         at = np.where(np.isfinite(at_lower), at_lower, at_upper)

@@ -39,14 +39,23 @@ def test_a_motion_that_ends_in_a_corner_of_limits_with_turns_is_followed_from_it
 
 
 @pytest.mark.parametrize(
-    ("number", "is_start_given"), [(89, False), (91, True), (93, False), (195, True), (359, True), (556, True)]
+    ("name", "seed", "is_start_given"),
+    [
+        ("xarm7", (1000, 93), False),
+        ("xarm7", (2000, 89), False),
+        ("xarm7", (2000, 91), True),
+        ("xarm7", (2000, 195), True),
+        ("xarm7", (2000, 359), True),
+        ("xarm7", (2000, 556), True),
+        ("maira", (2000, 95), True),
+    ],
 )
-def test_a_motion_through_the_whole_range_of_joints_with_turns_is_followed(number, is_start_given):
+def test_a_motion_through_the_whole_range_of_joints_is_followed(name, seed, is_start_given):
     """Of these the best line without regard to turns does not fit, or what is near limits leads on from one side alone,
-    or many links beside one another jump."""
-    robot, rng = load("xarm7"), np.random.default_rng((1000 if number == 93 else 2000, number))
+    or many links beside one another jump, or all that leads on has a joint on a limit."""
+    robot, rng = mq.Robot.maira() if name == "maira" else load(name), np.random.default_rng(seed)
     points = rng.uniform(robot.lower, robot.upper, (4, 7))
-    if number % 4 == 3:  # stands on limits
+    if seed[1] % 4 == 3:  # stands on limits
         ends = np.where(rng.random(points.shape) < 0.5, robot.lower, robot.upper)
         points = np.where(rng.random(points.shape) < 0.5, ends, points)
     motion = np.clip(bezier(points, 200), robot.lower, robot.upper)
