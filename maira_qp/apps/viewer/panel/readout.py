@@ -168,11 +168,12 @@ def sentence(view: View) -> str:
         return "; ".join(filter(None, [f"{near}, where {1e3 * MARGIN:.0f} mm are to be kept", pose]))
     if pose:
         return pose
+    there = "the tool is at the target" if len(view.verdict.targets) == 1 else "all tools are at their targets"
     if standing is Standing.REACHED and view.overlaps:
         one = view.overlaps[0]
-        return f"the tool is at the target, but {one.first} and {one.second} are in each other"
+        return f"{there}, but {one.first} and {one.second} are in each other"
     if standing is Standing.REACHED:
-        return "the tool is at the target within its tolerances"
+        return f"{there} within the tolerances"
     if standing is Standing.HELD_UP:
         return f"the arm comes no nearer from here, though a better configuration is known{blocking}"
     if standing is Standing.MOVING:
