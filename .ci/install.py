@@ -6,7 +6,8 @@
 
 The library and the command must work there, from an empty cache of compiled code, and `pip uninstall` may leave only
 that cache. Python is looked for on PATH, and among those that pyenv has; where there is none, a line says so, and
-nothing fails. uv installs what the wheel needs, in seconds where pip takes half a minute; pip installs the wheel.
+nothing fails. uv installs what the wheel needs, in a second where pip takes half a minute; beside the lowest versions,
+pip installs and uninstalls the wheel.
 """
 
 import os
@@ -83,23 +84,23 @@ def main(which: str, wheel: str) -> None:
         venv, home = Path(folder) / "venv", Path(folder) / "home"
         home.mkdir()
         run(python, "-m", "venv", "--without-pip", venv)
-        there = ["--python", venv / "bin" / "python"]
-        uv = [sys.executable, "-m", "uv", "pip"]
-        pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", *there]
-        run(*uv, "install", *there, *(LOWEST if which == "lowest" else []), "--requirements", ROOT / "pyproject.toml")
+        there = {"env": {**os.environ, "UV_PYTHON": f"{venv}/bin/python", "PIP_PYTHON": f"{venv}/bin/python"}}
+        uv, pip = [sys.executable, "-m", "uv", "pip"], [sys.executable, "-m", "pip"]
+        lowest, installer = (LOWEST, pip) if which == "lowest" else ([], uv)
+        run(*uv, "install", *lowest, "--requirements", ROOT / "pyproject.toml", **there)
         before = installed_files(venv)
-        run(*pip, "install", "--no-deps", wheel)
-        run(*uv, "check", *there)
+        run(*installer, "install", "--no-deps", wheel, **there)
+        run(*uv, "check", **there)
         if which == "lowest":
             check_floors(next(venv.glob("lib/*/site-packages")))
         user = {"env": {"HOME": str(home), "PATH": f"{venv}/bin:/usr/bin:/bin", "OMP_NUM_THREADS": "1"}, "cwd": home}
         run(venv / "bin" / "maira-qp", "doctor", **user)
         run(venv / "bin" / "maira-qp", "solve", "--position", "0.4", "0.2", "0.9", **user)
         version = run(venv / "bin" / "python", "-c", USE, **user).strip()
-        run(*pip, "uninstall", "--yes", "maira-qp")
+        run(*installer, "uninstall", "--yes", "maira-qp", **there)
         left = installed_files(venv) - before | installed_files(home) - installed_files(home / ".cache" / "maira_qp")
         if left:
-            sys.exit(f"pip uninstall leaves {', '.join(map(str, sorted(left)))}")
+            sys.exit(f"uninstalling leaves {', '.join(map(str, sorted(left)))}")
     print(f"maira_qp {version} installs, works and uninstalls: Python {python}, {which}")
 
 
