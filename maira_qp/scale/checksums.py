@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -13,6 +14,8 @@ from maira_qp.scale.ownership import LOCK
 from maira_qp.scale.shards import FOLDER
 
 SUMS = "SHA256SUMS"
+COUNT, LINE = "# {} files", re.compile("[0-9a-f]{64}  [^/].*")
+"""The first line, by which a list that was cut off is known and which `sha256sum` passes over, and the others."""
 PIECE = 2**20
 """How much of a file is read at a time [bytes]."""
 
@@ -29,19 +32,22 @@ def write_sums(folder: Path, threads: int = 1) -> None:
     names = list(_files(folder))
     with ThreadPoolExecutor(threads) as pool:
         sums = list(pool.map(_sum, [folder / name for name in names]))
-    replace_text(folder / SUMS, "".join(f"{each}  {name}\n" for each, name in zip(sums, names, strict=True)))
+    listed = "".join(f"{each}  {name}\n" for each, name in zip(sums, names, strict=True))
+    replace_text(folder / SUMS, f"{COUNT.format(len(names))}\n{listed}")
 
 
 def is_finished(folder: Path) -> bool:
     """Whether the output is whole."""
-    return (folder / SUMS).exists()
+    return (folder / SUMS).is_file()
 
 
 def changed(folder: Path) -> list[str]:
     """The files of a finished output that are not what was written, or are missing. Raises `OSError`."""
-    lines = (folder / SUMS).read_text().splitlines()
+    lines = _lines(folder)
+    if not lines or lines[0] != COUNT.format(len(lines) - 1) or not all(LINE.fullmatch(line) for line in lines[1:]):
+        return [SUMS]
     found = []
-    for line in lines:
+    for line in lines[1:]:
         wanted, _, name = line.partition("  ")
         path = folder / name
         if not path.is_file() or _sum(path) != wanted:
@@ -50,8 +56,12 @@ def changed(folder: Path) -> list[str]:
 
 
 def count_of(folder: Path) -> int:
-    """How many files a finished output has beside the checksums."""
-    return len((folder / SUMS).read_text().splitlines())
+    """How many files a finished output has beside the checksums. Raises `OSError`."""
+    return max(0, len(_lines(folder)) - 1)
+
+
+def _lines(folder: Path) -> list[str]:
+    return (folder / SUMS).read_bytes().decode(errors="replace").splitlines()
 
 
 def _files(folder: Path) -> Iterator[str]:

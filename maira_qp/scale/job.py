@@ -71,6 +71,10 @@ class Job(ABC):
     def end_output(self, folder: Path) -> None:
         """Write what tells of the output as a whole. Raises `OSError`."""
 
+    def is_sound(self) -> bool:
+        """Whether the fields, as a manifest has them, are such as a job has; it need not find every mistake."""
+        return self.count >= 1 and self.block >= 1
+
     def as_dict(self) -> dict[str, Any]:
         """The fields, for a manifest."""
         return json.loads(json.dumps(asdict(self)))  # type: ignore[call-overload]
@@ -92,9 +96,13 @@ def job_of(manifest: Mapping[str, Any]) -> Job:
         raise JobError(f"no job {kind!r} is known here; {listed(KINDS, kind)}")
     module, _, name = KINDS[kind].partition(":")
     try:
-        return getattr(import_module(module), name)(**manifest["job"])
-    except TypeError as reason:
+        job = getattr(import_module(module), name)(**manifest["job"])
+        is_sound = job.is_sound()
+    except (TypeError, ValueError, ArithmeticError) as reason:
         raise JobError(f"the manifest does not describe a job {kind!r}: {reason}") from None
+    if not is_sound:
+        raise JobError(f"the manifest does not describe a job {kind!r}: a field holds what none of them can")
+    return job
 
 
 @cache

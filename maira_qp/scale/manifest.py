@@ -27,9 +27,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise JobError(f"{folder} holds no job: there is no {MANIFEST}")
     try:
         manifest = json.loads(read_text(path, "the manifest", JobError, LARGEST))
-    except json.JSONDecodeError as reason:
+    except (json.JSONDecodeError, RecursionError) as reason:
         raise JobError(f"{path} is damaged: {reason}") from None
-    if not isinstance(manifest, dict) or not {"format", "kind", "versions", "job"} <= set(manifest):
+    kinds = {"format": int, "kind": str, "versions": dict, "job": dict}
+    if not isinstance(manifest, dict) or not all(isinstance(manifest.get(name), kinds[name]) for name in kinds):
         raise JobError(f"{path} is no manifest of a job")
     if manifest["format"] != 1:
         raise JobError(f"{path} has format {shown(manifest['format'])}; this package knows format 1")

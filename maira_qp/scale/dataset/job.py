@@ -127,6 +127,11 @@ class DatasetJob(Job):
             seed=int(seed),
         )
 
+    def is_sound(self) -> bool:
+        """See `Job.is_sound`."""
+        fits = isinstance(self.urdf, str) and self.labels in LABELS and self.poses in (*sources.RANDOM, "file")
+        return fits and is_count(self.rows, 1, MOST_ROWS) and all(isinstance(each, str) for each in self.joint_names)
+
     @property
     def count(self) -> int:
         """How many rows there are."""

@@ -134,6 +134,13 @@ class ReachJob(Job):
             seed=int(seed),
         )
 
+    def is_sound(self) -> bool:
+        """See `Job.is_sound`."""
+        counts = (*self.shape, self.directions, self.rolls)
+        numbers = (self.cell, *self.centre, *self.lower)
+        fits = len(self.shape) == len(self.lower) == len(self.centre) == 3 and isinstance(self.urdf, str)
+        return fits and all(is_count(n, 1) for n in counts) and all(is_number(x) for x in numbers) and self.cell > 0
+
     @cached_property
     def positions(self) -> Positions:
         """The grid of cells."""

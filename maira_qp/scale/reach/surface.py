@@ -18,7 +18,7 @@ class MapSurface(NamedTuple):
     vertices: np.ndarray
     """(V, 3) [m]"""
     faces: np.ndarray
-    """(F, 3) indices of the vertices of each triangle"""
+    """(F, 3) indices of the vertices of each triangle, which go round it against the clock as seen from outside"""
 
 
 def check_skimage() -> None:
@@ -43,6 +43,6 @@ def surface_at(values: np.ndarray, level: float, grid: Positions) -> MapSurface:
         raise OptionError(f"level must be between {floor:g} and {high:g}, the largest value, got {shown(level)}")
     padded = np.full([n + 2 for n in values.shape], floor)
     padded[1:-1, 1:-1, 1:-1] = np.where(np.isfinite(values), values, floor)
-    vertices, faces, _, _ = marching_cubes(padded, level, spacing=(grid.cell,) * 3)
+    vertices, faces, _, _ = marching_cubes(padded, level, spacing=(grid.cell,) * 3, gradient_direction="ascent")
     first = np.array([grid.axis(k)[0] - grid.cell for k in range(3)])
     return MapSurface(vertices + first, faces)

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import resource
 import signal
 import subprocess
 import sys
@@ -119,6 +120,19 @@ def test_an_interrupted_map_says_how_to_go_on_and_goes_on(maira_qp, tmp_path, si
     assert code == 1
     assert 0 < said["done"] < said["total"]
     assert said["owner"] is None
+
+
+def test_a_disk_that_is_full_is_told_with_its_folder_and_how_to_go_on(maira_qp, tmp_path):
+    """A limit on the size of files stands for it; the manifest fits, the first shard does not."""
+    folder, limits = tmp_path / "map", resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
+    try:
+        code, out, err = maira_qp(*SMALL[:-1], "100", "--output", str(folder), "--engine", "here")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert (code, out) == (2, "")
+    assert f"what was done is kept: maira-qp job resume {folder}" in err
+    assert f"File too large: '{folder}'" in err
 
 
 def test_mistakes_name_what_is_valid(maira_qp, tmp_path):

@@ -16,8 +16,9 @@ import pytest
 from support.command_line import heed_interrupts
 from support.marked_jobs import MarkedJob, files_of
 
+import maira_qp as mq
 from maira_qp.errors import JobError, OptionError
-from maira_qp.scale import resume, run, state_of, verify
+from maira_qp.scale import ReachJob, resume, run, state_of, verify
 from maira_qp.scale.engines.processes import Processes
 from maira_qp.scale.ownership import owned
 
@@ -191,6 +192,36 @@ def test_a_finished_output_that_was_changed_is_found(marks, tmp_path):
     assert verify(folder).damaged == ("block-000014", "block-000021")
     listed = subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=folder, capture_output=True)
     assert listed.returncode != 0
+    sums = (folder / "SHA256SUMS").read_bytes()
+    for damaged in (b"", b"\xd1\x00 no text", sums[:-9], sums[: sums.rindex(b"\n", 0, -1) + 1], sums + sums):
+        (folder / "SHA256SUMS").write_bytes(damaged)
+        assert verify(folder).damaged == ("SHA256SUMS",)
+
+
+@pytest.mark.parametrize(
+    "manifest",
+    [
+        {"kind": ["reach"]},
+        {"versions": 3},
+        {"job": 7},
+        {"format": "1"},
+        {"kind": "nope"},
+        {"job": {}},
+        {"job": {"cell": "wide"}},
+        {"job": {"shape": [3, -1, 2]}},
+        {"job": {"shape": 4}},
+        {"job": {"directions": 0}},
+    ],
+)
+def test_a_manifest_of_no_job_is_told(tmp_path, manifest):
+    there = ReachJob.of(mq.Robot.iiwa14(), cell=0.5, directions=3).manifest()
+    job = manifest.get("job")
+    wrong = there | manifest | ({"job": there["job"] | job} if isinstance(job, dict) and job else {})
+    (tmp_path / "job.json").write_text(json.dumps(wrong))
+    for action in (state_of, resume):
+        with pytest.raises(JobError, match=r"manifest|no job 'nope'"):
+            action(tmp_path)
+    assert os.listdir(tmp_path) == ["job.json"]
 
 
 def test_a_job_of_other_versions_is_refused(marks, tmp_path):

@@ -60,9 +60,10 @@ RunFlags = Annotated[RunChoice, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="r
 def carry_out(job: Job, folder: Path, choice: RunChoice, label: str) -> tuple[JobState, dict[str, Any]]:
     """Run a job, or go on with it, with a progress bar: its state, and what to say of the run.
 
-    Ctrl-C says how to go on. Raises `JobError`, `OptionError`, `OSError`.
+    Ctrl-C, and a disk that is full, say how to go on. Raises `JobError`, `OptionError`, `OSError`.
     """
     from maira_qp.apps.arguments.output import progress_bar
+    from maira_qp.scale.manifest import MANIFEST
     from maira_qp.scale.run import run
 
     options, begin = choice.options(), time.monotonic()
@@ -76,8 +77,11 @@ def carry_out(job: Job, folder: Path, choice: RunChoice, label: str) -> tuple[Jo
                 show(done, total)
 
             state = run(job, folder, progress=progress, **options)
-    except KeyboardInterrupt:
-        sys.stderr.write(f"what was done is kept: maira-qp job resume {folder}\n")
+    except (KeyboardInterrupt, OSError) as reason:
+        if isinstance(reason, OSError) and reason.filename is None:
+            reason.filename = str(folder)
+        if (folder / MANIFEST).exists():
+            sys.stderr.write(f"what was done is kept: maira-qp job resume {folder}\n")
         raise
     seconds, now = time.monotonic() - begin, counted[-1] - counted[0] if counted else 0
     said = {
