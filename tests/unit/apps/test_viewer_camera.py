@@ -43,11 +43,32 @@ def test_a_page_that_changes_its_shape_sees_the_arm_whole(balls):
     np.testing.assert_allclose(camera.position, where(balls[0], 0.46))
 
 
+def test_what_a_page_says_while_its_camera_is_put_is_heard(balls):
+    class Hasty(Camera):
+        """Says its shape as soon as it is told where to stand."""
+
+        def __setattr__(self, name, value) -> None:
+            super().__setattr__(name, value)
+            if name == "fov" and value and self.aspect == 2.0:
+                self.aspect = 0.46
+
+    camera = Hasty(2.0)
+    Stand(camera, balls[0])
+    np.testing.assert_allclose(camera.position, where(balls[0], 0.46))
+
+
 def test_what_a_page_says_late_moves_nothing(balls):
     """The position that it had before it was told where to stand, with its new shape."""
     camera = Camera(2.0)
     Stand(camera, balls[0])
     camera.says(0.46, [3.0, 3.0, 3.0])
+    np.testing.assert_allclose(camera.position, where(balls[0], 0.46))
+
+
+def test_a_page_that_begins_anew_where_pages_begin_sees_the_arm(balls):
+    camera = Camera(0.46)
+    Stand(camera, balls[0])
+    camera.says(0.46, where(balls[0], 1.0))
     np.testing.assert_allclose(camera.position, where(balls[0], 0.46))
 
 

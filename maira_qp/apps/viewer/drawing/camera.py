@@ -16,6 +16,8 @@ TALL = 0.8
 """A picture of less width by height is that of a phone, whose lower half the panel takes."""
 LOWERED = 0.5
 """How far a tall picture is looked at below the middle of the arm, in halves of its height."""
+SQUARE = 1.0
+"""Width by height of the picture that a page is taken to have before it says so."""
 ROOM = 1.15
 """How much larger the ball that is seen whole is than the arm."""
 UNMOVED = 1e-3
@@ -35,47 +37,51 @@ class Ball:
         self.middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
         self.radius = ROOM * float(np.linalg.norm(seen - self.middle, axis=1).max())
 
-    def frame(self, camera: viser.InitialCameraConfig | viser.CameraHandle, aspect: float = 1.0) -> None:
+    def frame(self, camera: viser.InitialCameraConfig | viser.CameraHandle, aspect: float = SQUARE) -> None:
         """Stand where all of it is seen in a picture of this width by height; in a tall one, in its upper half."""
+        camera.position, camera.look_at = self.seen_from(aspect)
+        camera.fov = float(FIELD)
+
+    def seen_from(self, aspect: float) -> tuple[np.ndarray, np.ndarray]:
+        """From where (3,) it is seen so, and what (3,) is then in the middle of the picture."""
         narrow = min(FIELD, 2 * float(np.arctan(np.tan(0.5 * FIELD) * aspect)))
         away = self.radius / np.sin(0.5 * narrow)
         back = SIDE / np.linalg.norm(SIDE)
         up = np.array([0.0, 0.0, 1.0]) - back[2] * back
         lowered = LOWERED * away * np.tan(0.5 * FIELD) * up / np.linalg.norm(up) if aspect < TALL else np.zeros(3)
-        camera.position = self.middle + away * back - lowered
-        camera.look_at, camera.fov = self.middle - lowered, float(FIELD)
+        return self.middle + away * back - lowered, self.middle - lowered
 
 
 class Stand:
     """The camera of one page: put where the arm is seen, also when the page changes its shape, until somebody moves it.
 
-    A page tells its shape more than once while it is laid out, and a camera that it tells late may stand where it was
-    put before the last time.
+    What a page says of its camera may be late, and it puts the camera to where pages begin after it has connected, or
+    again: a camera at any place where it was put before is put to the right one.
     """
 
     def __init__(self, camera: viser.CameraHandle, ball: Ball) -> None:
         self._camera, self._ball = camera, ball
-        self._put_at = [np.array(camera.position)]
+        self._put_at = [np.array(camera.position), ball.seen_from(SQUARE)[0]]
+        camera.on_update(lambda _: self._put_again())
         self._put()
-        camera.on_update(lambda _: self._reshape())
+        self._put_again()  # what the page said meanwhile
 
     def see(self, ball: Ball) -> None:
         """Stand where this ball is seen, whoever moved the camera."""
         self._ball = ball
-        self._put_at.clear()
+        self._put_at = [ball.seen_from(SQUARE)[0]]
         self._put()
 
-    def _reshape(self) -> None:
-        if self._camera.aspect != self._aspect and self._is_unmoved():
+    def _put_again(self) -> None:
+        if self._is_at(self._put_at) and not self._is_at([self._ball.seen_from(self._camera.aspect)[0]]):
             self._put()
 
-    def _is_unmoved(self) -> bool:
+    def _is_at(self, places: list[np.ndarray]) -> bool:
         at = np.asarray(self._camera.position)
-        return any(np.linalg.norm(at - put) < UNMOVED for put in self._put_at)
+        return any(np.linalg.norm(at - place) < UNMOVED for place in places)
 
     def _put(self) -> None:
-        self._aspect = self._camera.aspect
-        self._ball.frame(self._camera, self._aspect)
+        self._ball.frame(self._camera, self._camera.aspect)
         self._put_at.append(np.array(self._camera.position))
 
 
