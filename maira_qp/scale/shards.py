@@ -112,7 +112,7 @@ class Shards:
     def blocks(self, begin: int, end: int, block: int) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
         """Blocks of the items begin to end - 1, gathered from shards that answer all of them: the first item, arrays.
 
-        Raises `DamagedShard`, `OSError`.
+        Raises `DamagedShard`, `JobError`, `OSError`.
         """
         pieces = self._pieces(begin, end)
         shard, at, arrays = next(pieces)
@@ -129,14 +129,20 @@ class Shards:
             yield first, {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
     def _pieces(self, begin: int, end: int) -> Iterator[tuple[Shard, int, dict[str, np.ndarray]]]:
-        """Shards that follow one another, each with its arrays and the first item that is taken of it."""
+        """Shards that follow one another, each with its arrays and the first item that is taken of it.
+
+        Raises `DamagedShard`, `JobError` where one is missing, `OSError`.
+        """
         at = begin
         for shard in self.there(begin, end):
+            if shard.first > at:
+                break
             if shard.last > at:
                 yield shard, at, self.read(shard)
                 at = shard.last
             if at >= end:
                 return
+        raise JobError(f"{self.folder} holds no shard of the item {at} any more: resume the job, which does it again")
 
     def damaged(self) -> Iterable[Path]:
         """The files whose checksum is another."""

@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
+from maira_qp.errors import JobError
 from maira_qp.scale.shards import DamagedShard, Shard, Shards
 
 
@@ -53,6 +54,14 @@ def test_random_coverings_make_the_same_blocks(shards, rng):
         for name, wanted in arrays(Shard(0, count)).items():
             np.testing.assert_array_equal(np.concatenate([found[name] for _, found in blocks]), wanted)
             assert all(len(found[name]) == block for _, found in blocks[:-1])
+
+
+@pytest.mark.parametrize("missing", [Shard(0, 4), Shard(4, 8), Shard(8, 12)])
+def test_a_shard_that_is_missing_is_told_not_made_up(shards, missing):
+    for shard in {Shard(0, 4), Shard(4, 8), Shard(8, 12)} - {missing}:
+        shards.write(shard, {"x": np.arange(*shard)})
+    with pytest.raises(JobError, match=f"no shard of the item {missing.first} any more: resume"):
+        list(shards.blocks(0, 12, 5))
 
 
 def test_shards_of_another_job_are_none_of_this_one(shards, tmp_path):
