@@ -2,6 +2,9 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
+# uv takes the certificates of the system, as pip does.
+export UV_SYSTEM_CERTS ?= 1
+
 # Tests of kernels that are run once more as Numba compiles them without the project's own passes, kernels/parts.py.
 WITHOUT_PASSES := tests/unit/kernels/test_rigid.py tests/unit/kernels/test_random_numbers.py tests/unit/kernels/test_qp.py
 
@@ -54,8 +57,8 @@ gallery: examples ## take the pictures of the examples into the documentation's 
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --upgrade pip uv
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --editable '.[dev]' || $(BIN)/python -m pip install --quiet --editable '.[dev]'
 	touch $@
 
 .venv-oldest/.ready: pyproject.toml .ci/oldest.txt

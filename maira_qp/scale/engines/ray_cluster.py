@@ -32,7 +32,8 @@ class RayCluster(Engine):
         """See `Engine.run`."""
         import ray  # pyright: ignore[reportMissingImports]
 
-        place = {"address": self._address} if self._address else {"num_cpus": self.workers, "include_dashboard": False}
+        here = {"num_cpus": self.workers, "include_dashboard": False}
+        place: dict[str, Any] = {"address": self._address} if self._address else here
         began = not ray.is_initialized()
         if began:
             ray.init(**place, log_to_driver=False)
