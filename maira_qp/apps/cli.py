@@ -64,7 +64,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command and returns its exit code; `arguments` None: those of the process."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     replace_closed_streams()
-    code = 0 if HELP & set(arguments) else PIPE_CLOSED
     try:
         with interruptible():
             code = _run(arguments)
@@ -72,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return code
     except BrokenPipeError:
         drop_output()
-        return code
+        return 0 if HELP & set(arguments) else PIPE_CLOSED
     except Terminated as end:
         print("maira-qp: terminated", file=sys.stderr)  # noqa: T201
         return end.code

@@ -44,6 +44,7 @@ EXTRAS = {
     "qp": ("piqp", "clarabel"),
     "scale": ("dask", "distributed", "zarr", "pyarrow"),
     "ray": ("ray",),
+    "surface": ("skimage",),
     "mujoco": ("mujoco",),
     "xacro": ("xacro",),
 }

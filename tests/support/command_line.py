@@ -12,12 +12,13 @@ def heed_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-def run_without_reader(*arguments) -> tuple[int, str]:
+def run_without_reader(*arguments, is_buffered: bool = True) -> tuple[int, str]:
     """Exit code and stderr of the command line whose reader is gone before it begins."""
     reader, writer = os.pipe()
     os.close(reader)
     command = [sys.executable, "-m", "maira_qp", *arguments]
-    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, timeout=600, check=False)
+    env = {**os.environ, "PYTHONUNBUFFERED": "" if is_buffered else "1"}
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, timeout=600, env=env, check=False)
     os.close(writer)
     return done.returncode, done.stderr
 

@@ -552,9 +552,10 @@ def test_as_a_process():
         assert "Traceback" not in done.stderr
 
 
-def test_a_reader_that_goes_away():
-    """No traceback, exit code 141."""
-    assert run_without_reader("urdf") == (141, "")
+@pytest.mark.parametrize("is_buffered", [False, True])
+def test_a_reader_that_goes_away(is_buffered):
+    """No traceback, exit code 141, whether it is the command that finds out or the last flush."""
+    assert run_without_reader("urdf", is_buffered=is_buffered) == (141, "")
 
 
 def test_ctrl_c(tmp_path):
