@@ -31,7 +31,7 @@ def interruptible() -> Iterator[None]:
 
     A SIGINT that is ignored, or that has a handler of somebody else, is left alone.
     """
-    if threading.current_thread() is not threading.main_thread():
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):  # Windows
         yield
         return
     raised: type[KeyboardInterrupt] = Terminated

@@ -156,18 +156,18 @@ def evened(
     fixed: tuple[bool, bool],
     manner: Manner,
     pull: Pull | None = None,
-    allowed: float = 0.0,
+    allowed: float | None = None,
 ) -> np.ndarray:
     """The line (N, n), N >= 3, made even, by descents to the path after each step; its first and last may be fixed.
 
-    A posture may pull. Its largest step may grow to what is allowed, 0: hardly.
+    A posture may pull. Its largest step may grow to what is allowed; None: hardly.
     """
     largest = path.largest_steps(q).max()
     if largest == 0.0:
         return q
     ends = [end for end, is_fixed in zip((0, -1), fixed, strict=True) if is_fixed]
     cost_of = Unevenness(1.0 / path.windows, largest, manner, pull)
-    cost, allowed = cost_of(q), allowed or max(largest, min(1.0, HARDLY * largest))
+    cost, allowed = cost_of(q), max(largest, min(1.0, HARDLY * largest)) if allowed is None else allowed
     for _ in range(manner.times):
         free = path.self_motions(q)
         free[ends] = 0.0

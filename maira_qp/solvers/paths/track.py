@@ -97,7 +97,8 @@ def _track(
         parts_done(begin, count)
         part, is_start_given = path.some(slice(begin, end)), begin == 0 and first is not None
         is_loop = rules.loop and end - begin == count
-        q[begin:end] = _followed(part, q[begin:end], is_start_given, is_loop, rng, densities)
+        line = follow(part, q[begin:end], is_start_given, is_loop, rng, densities)
+        q[begin:end] = _drawn(part, line, is_start_given, is_loop)
     others = _nearest(following, path, targets, q, start, meter.stage(PARTS_DONE, 1.0))
     if rules.loop and count:
         _close(path, q)
@@ -179,7 +180,7 @@ def _followed_by_knots(
     if not reached.all():
         return None, False
     some = path.some(knots)
-    line = _followed(some, known, start is not None, is_loop, rng)
+    line = _drawn(some, follow(some, known, start is not None, is_loop, rng), start is not None, is_loop)
     meter.reach(KNOTS_DONE)
     q, arrived = filled(path, knots, line, CubicSpline)
     return q if arrived.all() else filled(path, knots, line)[0], _breaks(some, line) > 0
@@ -212,16 +213,9 @@ def _judged(
     return PathSolution(own, reached, errors[:, 0], errors[:, 1], rules, failures, path.rows, engines)
 
 
-def _followed(
-    path: PathArrays,
-    known: np.ndarray,
-    is_start_given: bool,
-    is_loop: bool,
-    rng: np.random.Generator,
-    densities: Sequence[Density] = DENSITIES,
-) -> np.ndarray:
-    """What `follow` finds, drawn to the posture of the problem that was asked, if it has one."""
-    q, posture = follow(path, known, is_start_given, is_loop, rng, densities), path.asked.posture
+def _drawn(path: PathArrays, q: np.ndarray, is_start_given: bool, is_loop: bool) -> np.ndarray:
+    """A line (N, n), nearer to the posture of the problem that was asked, if it has one."""
+    posture = path.asked.posture
     return q if posture is None else drawn_to(path, q, (is_start_given or is_loop, is_loop), posture)
 
 
