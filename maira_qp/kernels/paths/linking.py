@@ -10,6 +10,8 @@ from maira_qp.kernels.kinematics.unwrap import TURN
 
 FARTHEST = 1e3
 """What the step of a reconfiguration counts, at most, against another: in steps that are allowed."""
+LARGEST = 1.0 + 1e-12
+"""The square of a step that is allowed, by the window, at most: a step of the window itself rounds."""
 
 
 @kernel(allocates=True)
@@ -33,6 +35,7 @@ def link(nodes, first, windows, forbidden, turning, fewest, counts, states, jump
     """
     cheapest = np.zeros(len(nodes))
     turns = np.zeros(nodes.shape[1], np.int64)
+    spread, period = np.empty(nodes.shape[1]), np.empty(nodes.shape[1])
     cost[: states[first[1]]], back[: states[first[1]]], has_jumped[: states[first[1]]] = 0.0, -1, False
     for layer in range(1, len(first) - 1):
         begin, end = first[layer - 1], first[layer]
@@ -41,45 +44,48 @@ def link(nodes, first, windows, forbidden, turning, fewest, counts, states, jump
         order = begin + np.argsort(cheapest[begin:end])  # soon none can do better
         start = order[0]
         fallen = states[start] + np.argmin(cost[states[start] : states[start + 1]])
-        window = windows[layer - 1]
-        joint = _telling_joint(nodes[begin:end], window, turning)
-        values = nodes[order, joint]
-        near = np.inf if turning[joint] else window[joint]
+        _measure_spread(nodes[begin:end], windows[layer - 1], turning, spread)
+        joints = np.argsort(-spread)  # first those that tell most nodes from others
+        window = windows[layer - 1][joints]
+        before, here, costs = np.empty((end - begin, len(joints))), np.empty(len(joints)), np.empty(end - begin)
+        for i in range(len(joints)):
+            period[i] = TURN / window[i] if turning[joints[i]] else 0.0
+            for place in range(end - begin):
+                before[place, i] = nodes[order[place], joints[i]] / window[i]
+                costs[place] = cheapest[order[place]]
         for j in range(end, first[layer + 1]):
-            here = slice(states[j], states[j + 1])
-            cost[here], back[here], has_jumped[here] = cost[fallen] + jump, fallen, True
+            own = slice(states[j], states[j + 1])
+            cost[own], back[own], has_jumped[own] = cost[fallen] + jump, fallen, True
             dearest = cost[fallen] + jump
+            for i in range(len(joints)):
+                here[i] = nodes[j, joints[i]] / window[i]
             for place in range(len(order)):
-                k = order[place]
-                if not cheapest[k] < dearest:
+                room = dearest - costs[place]
+                if not room > 0.0:
                     break
-                if abs(values[place] - nodes[j, joint]) > near:
+                far = _step(before[place], here, period, min(room, LARGEST))
+                if far > LARGEST or not far < room:
                     continue
-                far = _step(nodes, k, j, window, turning, min(1.0, np.sqrt(dearest - cheapest[k])))
-                if far > 1.0 or not cheapest[k] + far * far < dearest or _is_forbidden(forbidden, k * len(nodes) + j):
+                k = order[place]
+                if _is_forbidden(forbidden, k * len(nodes) + j):
                     continue
                 for i in range(nodes.shape[1]):
                     turns[i] = _turns(nodes[j, i] - nodes[k, i], turning[i])
-                _relax(k, j, turns, fewest, counts, states, far * far, cost, back, has_jumped)
-                dearest = cost[here].max()
+                _relax(k, j, turns, fewest, counts, states, far, cost, back, has_jumped)
+                dearest = cost[own].max()
             if dearest >= cost[fallen] + jump:
-                far = min(_step(nodes, start, j, window, turning, FARTHEST), FARTHEST)
+                far = min(np.sqrt(_step(before[0], here, period, FARTHEST**2)), FARTHEST)
                 for state in range(states[j], states[j + 1]):
                     if has_jumped[state]:
                         cost[state] += far
 
 
 @device_kernel
-def _telling_joint(nodes, window, turning):
-    """The joint by which the fewest of the nodes (M, n) are within the window (n,) of others, about; none that turns,
-    if there is another.
-    """
-    best, widest = 0, -1.0
+def _measure_spread(nodes, window, turning, spread):
+    """How many windows (n,) wide the nodes (M, n) are spread in each joint, into `spread` (n,)."""
     for i in range(len(window)):
-        spread = 0.0 if turning[i] else (nodes[:, i].max() - nodes[:, i].min()) / window[i]
-        if spread > widest:
-            best, widest = i, spread
-    return best
+        wide = nodes[:, i].max() - nodes[:, i].min()
+        spread[i] = (min(wide, TURN) if turning[i] else wide) / window[i]
 
 
 @device_kernel
@@ -125,20 +131,19 @@ def _turns(moved, is_turning):
 
 
 @device_kernel
-def _moved(nodes, k, j, i, turning):
-    """What joint i moves from node k to node j [rad or m]."""
-    moved = nodes[j, i] - nodes[k, i]
-    return moved - TURN * _turns(moved, turning[i])
+def _step(before, here, period, enough):
+    """The square of the largest joint step from one node (n,) to another, both by the window; or one beyond `enough`.
 
-
-@device_kernel
-def _step(nodes, k, j, window, turning, enough):
-    """The largest joint step from node k to node j, by the window; that of some joint if that is beyond `enough`."""
+    A whole turn of a joint is one `period` (n,); 0: its turns count.
+    """
     far = 0.0
-    for i in range(nodes.shape[1]):
-        far = max(far, abs(_moved(nodes, k, j, i, turning)) / window[i])
+    for i in range(len(here)):
+        moved = here[i] - before[i]
+        if period[i] > 0.0 and abs(moved) > 0.5 * period[i]:
+            moved -= period[i] * np.floor(moved / period[i] + 0.5)
+        far = max(far, moved * moved)
         if far > enough:
-            return far
+            break
     return far
 
 

@@ -76,6 +76,14 @@ class PathArrays:
         _, outcome = _attempted(replace(self.arrays, settings=settings), rows, q)
         return outcome[:, [Outcome.POSITION_ERROR, Outcome.ORIENTATION_ERROR]]
 
+    def reached(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Errors (N, 2) [m, rad] by a fresh forward kinematics of each of q (N, n), and which (N,) reach their poses.
+
+        Those that break a limit do not.
+        """
+        errors = self.errors(self.rows, q)
+        return errors, np.asarray(self.problem.is_reached(*errors.T)) & self.keeps_limits(q)
+
     def descend(self, which: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Descend to the poses `which` (M,), indices, from starts (M, n): q (M, n), and which of them arrived (M,)."""
         return self.descend_to(self.rows[which], starts)

@@ -7,10 +7,12 @@ follows is followed by descents, and no branch has a label: labels flip where a 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from maira_qp.kernels.paths.thinning import thin
 from maira_qp.robots.model.revolutions import TURN
 from maira_qp.solvers.paths.descents import PathArrays
 
@@ -22,8 +24,6 @@ NEAR_LIMIT = 0.3
 """A configuration this near to a limit [rad] may be held up by it before the next layer."""
 ON_LIMIT = 1e-9
 """One that is nearer to it than this [rad] is on it."""
-HASH = np.uint64(0x9E3779B97F4A7C15)
-"""Odd, its powers tell cells apart, modulo 2^64."""
 FIRST_TIMES = 6
 """The first layer begins from so many times as many configurations as others do, and each without a redundancy."""
 FAR = 3.0
@@ -74,16 +74,18 @@ def layers_of(
     is_start_given: bool,
     density: Density,
     rng: np.random.Generator,
+    made: Mapping[int, np.ndarray],
 ) -> list[np.ndarray]:
     """Configurations (M_l, n) that reach the poses `at` (L,), an array a layer.
 
     Each holds the known ones (k, n) of its pose, of N poses; where the start is given, the first holds no other. Joints
-    whose range is a turn or more are at one turn.
+    whose range is a turn or more are at one turn. Layers that were `made` before stay, by the place of their pose.
     """
     layers, before = [], np.empty((0, path.n))
-    for index in at.tolist():
-        here = known[index]
-        if layers or not is_start_given:
+    places = path.place[at].tolist()
+    for index, place in zip(at.tolist(), places, strict=True):
+        here = made[place] if place in made else known[index]
+        if place not in made and (layers or not is_start_given):
             is_redundant = path.n > path.rank  # else its configurations are few, and none leads to another
             fresh = density.fresh * (1 if layers and is_redundant else FIRST_TIMES)
             starts = [_held_up(path, before), before, *_aside(before, rng), _anywhere(path, fresh, rng)]
@@ -94,6 +96,8 @@ def layers_of(
         before = here
     if density.both_ways:
         for k in range(len(layers) - 2, 0 if is_start_given else -1, -1):
+            if places[k] in made:
+                continue
             starts = np.concatenate([_held_up(path, layers[k + 1]), layers[k + 1]])
             found, arrived = path.descend(np.full(len(starts), at[k]), starts)
             layers[k] = _merged(path, at[k], layers[k], found[arrived], density)
@@ -184,11 +188,8 @@ def _anywhere(path: PathArrays, count: int, rng: np.random.Generator) -> np.ndar
 
 def _thinned(q: np.ndarray, on_limits: np.ndarray, density: Density) -> np.ndarray:
     """Indices of one of the configurations (M, n) of each cell and set of joints (M, n) on limits."""
-    cell, marks = density.cell, HASH ** np.arange(1, 2 * q.shape[1] + 1, dtype=np.uint64)
-    while len(q):
-        keys = np.concatenate([np.round(q / cell).astype(np.int64), on_limits], axis=1).astype(np.uint64) @ marks
-        _, first = np.unique(keys, return_index=True)
-        if len(first) <= density.most:
-            return np.sort(first)
-        cell *= max(WIDER, np.sqrt(len(first) / density.most))
-    return np.arange(0)
+    cell, kept, keys = density.cell, np.empty(len(q), np.int64), np.empty(len(q), np.uint64)
+    table = np.empty(1 << (2 * len(q) + 1).bit_length(), np.int64)
+    while (count := thin(q, on_limits, cell, table, keys, kept)) > density.most:
+        cell *= max(WIDER, np.sqrt(count / density.most))
+    return kept[:count]

@@ -55,7 +55,7 @@ def test_what_a_layer_holds_is_followed_back_to_a_singular_pose():
     for both_ways in (False, True):
         density = Density(spacing=0.1, most=150, fresh=16, cell=0.15, both_ways=both_ways)
         at = layer_indices(path, density.spacing)
-        first, second, *_ = layers_of(path, at, nodes, False, density, np.random.default_rng(0))
+        first, second, *_ = layers_of(path, at, nodes, False, density, np.random.default_rng(0), {})
         leading.append((np.abs(second[:, None] - first).max(axis=2).min(axis=1) < 0.2).mean())
     assert leading[0] < leading[1]
     assert leading[1] > 0.6
