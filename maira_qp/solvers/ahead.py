@@ -241,10 +241,9 @@ def _proofs() -> None:
 
 def _paths() -> None:
     from maira_qp.kernels.paths.boxes import within_a_step
-    from maira_qp.solvers.paths.line import best_line
 
-    problem = _Problem(Robot.maira())
-    best_line([problem.q, problem.q], np.ones((1, 7)), set(), problem.solver.problem.turns, is_start_given=False)
+    robot = Robot.maira()
+    Solver(robot).track([robot.forward(robot.middle + share) for share in (0.1, 0.11, 0.12, 0.13)])
     boxes = np.zeros((1, 2, 7))
     within_a_step(boxes, boxes, np.ones(7), np.empty(1, np.bool_))
 

@@ -47,12 +47,10 @@ def link(nodes, first, windows, forbidden, turning, fewest, counts, states, jump
         _measure_spread(nodes[begin:end], windows[layer - 1], turning, spread)
         joints = np.argsort(-spread)  # first those that tell most nodes from others
         window = windows[layer - 1][joints]
-        before, here, costs = np.empty((end - begin, len(joints))), np.empty(len(joints)), np.empty(end - begin)
+        before, here, costs = np.empty((end - begin, len(joints))), np.empty(len(joints)), cheapest[order]
         for i in range(len(joints)):
             period[i] = TURN / window[i] if turning[joints[i]] else 0.0
-            for place in range(end - begin):
-                before[place, i] = nodes[order[place], joints[i]] / window[i]
-                costs[place] = cheapest[order[place]]
+            before[:, i] = nodes[order, joints[i]] / window[i]
         for j in range(end, first[layer + 1]):
             own = slice(states[j], states[j + 1])
             cost[own], back[own], has_jumped[own] = cost[fallen] + jump, fallen, True

@@ -120,6 +120,10 @@ for robot in (mq.Robot.maira(), load("panda"), load("pr2_arm"), load("ur5")):
                 tracker.engage()
             tracker.update(near, 0.01)
     solver.solutions(near)
+    motion = [robot.forward(q + 0.02 * k) for k in range(8)]
+    for path in (motion, [*motion[:4], far, *motion[4:]], [near, edge, near]):
+        solver.track(path, max_step=0.1).proof
+        solver.track(path, q, dt=0.1)
 """
 
 
