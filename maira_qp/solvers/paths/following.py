@@ -148,7 +148,7 @@ def follow(
             if least <= 1.0 and _is_calm(path, best):
                 return Followed(best, layering)
     if best is not None:
-        made, at = layering.by_place(path), _with_all_about(layering.at, path, int(path.largest_steps(best).argmax()))
+        at = _with_all_about(layering.at, path, int(path.largest_steps(best).argmax()))
         layering = Layering(at, layers_of(path, at, nodes, is_start_given, DENSITIES[-1], rng, made), is_start_given)
         best, least = _calmed(path, best, fixed, partial(line, layering=layering))
         if least <= 1.0:

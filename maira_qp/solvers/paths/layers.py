@@ -24,6 +24,8 @@ NEAR_LIMIT = 0.3
 """A configuration this near to a limit [rad] may be held up by it before the next layer."""
 ON_LIMIT = 1e-9
 """One that is nearer to it than this [rad] is on it."""
+BEYOND = 0.03
+"""How far [rad or m] beyond the end of a self-motion descents to this end begin."""
 FIRST_TIMES = 6
 """The first layer begins from so many times as many configurations as others do, and each without a redundancy."""
 FAR = 3.0
@@ -42,11 +44,12 @@ class Density:
     """Configurations that each layer begins from anywhere"""
     cell: float
     """Edge of the cells [rad or m] of which a layer keeps one configuration each; larger where they are too many"""
-    both_ways: bool = False
-    """What a layer holds is followed back to the one before as well: what leads there from a singular pose, say"""
+    is_thorough: bool = False
+    """What a layer holds is followed back to the one before as well: what leads there from a singular pose, say; and it
+    holds where self-motions end at limits: what leads through where they hardly begin"""
 
     def finer(self) -> Density:
-        """Three times as many layers of half as many configurations more, of half the cells, followed both ways."""
+        """Three times as many layers of half as many configurations more, of half the cells, thorough ones."""
         return Density(self.spacing / 3, 3 * self.most // 2, 3 * self.fresh // 2, self.cell / 2, True)
 
 
@@ -92,9 +95,13 @@ def layers_of(
             starts = np.concatenate(starts)
             found, arrived = path.descend(np.full(len(starts), index), starts)
             here = _merged(path, index, here, found[arrived], density)
+            if density.is_thorough and is_redundant:
+                starts = _at_ends(path, here, density, rng)
+                found, arrived = path.descend(np.full(len(starts), index), starts)
+                here = _merged(path, index, here, found[arrived], density)
         layers.append(here)
         before = here
-    if density.both_ways:
+    if density.is_thorough:
         for k in range(len(layers) - 2, 0 if is_start_given else -1, -1):
             if places[k] in made:
                 continue
@@ -135,6 +142,31 @@ def _held_up(path: PathArrays, q: np.ndarray) -> np.ndarray:
         there = np.concatenate([there, second])
         is_moved = np.concatenate([is_moved | lower | upper, np.ones(len(second), dtype=bool)])
     return there[is_moved]
+
+
+def _at_ends(path: PathArrays, q: np.ndarray, density: Density, rng: np.random.Generator) -> np.ndarray:
+    """Starts (K, n) of descents that end where self-motions of configurations (M, n) nearby leave the limits.
+
+    Somewhat beyond, but for the joint that ends it, which is at its limit and stays there.
+    """
+    robot, count = path.problem.robot, len(q)
+    free = path.self_motions(q)
+    along = np.einsum("kij,kj->ki", free, rng.normal(size=(count, free.shape[2])))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    q, along = np.concatenate([q, q]), np.concatenate([along, -along])
+    limits = np.where(along > 0.0, robot.upper, robot.lower)
+    room, turning = np.abs(limits - q), _with_turns(path)
+    room[:, turning] %= TURN
+    far = room / np.maximum(np.abs(along), ON_LIMIT)
+    joint = far.argmin(axis=1)
+    each = np.arange(2 * count)
+    starts = q + (far[each, joint] + BEYOND)[:, None] * along
+    starts[each, joint] = limits[each, joint]
+    is_on = np.zeros(starts.shape, dtype=bool)
+    is_on[each, joint] = True
+    near = far[each, joint] < NEAR_LIMIT
+    starts, is_on = starts[near], is_on[near]
+    return starts[_thinned(starts, is_on, density)]
 
 
 def _at_limits(path: PathArrays, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -187,9 +219,22 @@ def _anywhere(path: PathArrays, count: int, rng: np.random.Generator) -> np.ndar
 
 
 def _thinned(q: np.ndarray, on_limits: np.ndarray, density: Density) -> np.ndarray:
-    """Indices of one of the configurations (M, n) of each cell and set of joints (M, n) on limits."""
-    cell, kept, keys = density.cell, np.empty(len(q), np.int64), np.empty(len(q), np.uint64)
+    """Indices of one of the configurations (M, n) of each cell and set of joints (M, n) on limits.
+
+    Those with joints on limits have half of the room: few others are so near to them that they could stand for them.
+    """
+    is_on = on_limits.any(axis=1)
+    on, off = np.flatnonzero(is_on), np.flatnonzero(~is_on)
+    on = on[_of_cells(q[on], on_limits[on], density.cell, density.most // 2)]
+    off = off[_of_cells(q[off], on_limits[off], density.cell, density.most - len(on))]
+    return np.sort(np.concatenate([on, off]))
+
+
+def _of_cells(q: np.ndarray, on_limits: np.ndarray, cell: float, most: int) -> np.ndarray:
+    """Indices of one of the configurations (M, n) of each cell, of such an edge or larger, and set of joints (M, n) on
+    limits; at most so many."""
+    kept, keys = np.empty(len(q), np.int64), np.empty(len(q), np.uint64)
     table = np.empty(1 << (2 * len(q) + 1).bit_length(), np.int64)
-    while (count := thin(q, on_limits, cell, table, keys, kept)) > density.most:
-        cell *= max(WIDER, np.sqrt(count / density.most))
+    while (count := thin(q, on_limits, cell, table, keys, kept)) > most:
+        cell *= max(WIDER, np.sqrt(count / most))
     return kept[:count]

@@ -129,11 +129,20 @@ def _close(path: PathArrays, q: np.ndarray) -> None:
 def _alone(
     engines: Any, targets: Targets, start: Any, which: np.ndarray, seed: int, progress: Progress
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Configurations (K, n) at the poses `which` (K,), solved for by themselves, and whether they reach them (K,)."""
+    """Configurations (K, n) at the poses `which` (K,), solved for by themselves, and whether they reach them (K,).
+
+    Poses that are not reached so are tried from those of their neighbours that are.
+    """
     alone = engines.solve_batch(targets[which], None, seed_words(seed), None, progress)
     q, reached = alone.q.copy(), alone.success.copy()
     if start is not None:
         q[0], reached[0] = start.q, start.success
+    lost, first = np.flatnonzero(~reached), 0 if start is None else 1
+    for ks, step in ((lost, 1), (lost[::-1], -1)):
+        for k in ks[ks >= first].tolist():
+            if not reached[k] and 0 <= k - step < len(q) and reached[k - step]:
+                beside = engines.solve(targets.poses(which[k]), q[k - step], SEED_0)
+                q[k], reached[k] = beside.q, beside.success
     return q, reached
 
 

@@ -1,6 +1,7 @@
 """Layers of configurations along a path, and what links them."""
 
 import numpy as np
+import pinocchio as pin
 from support.robots import load
 
 import maira_qp as mq
@@ -45,6 +46,41 @@ def test_links_that_jump_are_told_from_those_that_lead_on():
     assert misleading(path, at, layers, 1, np.full(2, 0.1)) == set()
 
 
+def end_of_self_motion(path: PathArrays, q: np.ndarray, sign: float, far: float) -> np.ndarray | None:
+    """Where a self-motion from a configuration (n,) leaves the limits, followed in steps; None: it goes on so far."""
+    robot, T, direction, step = path.problem.robot, path.problem.robot.forward(q), None, 2e-3
+    for _ in range(round(far / step)):
+        along = np.linalg.svd(robot.jacobian(q))[2][-1]
+        along *= sign if direction is None else np.sign(along @ direction)
+        there = q + step * along
+        for _ in range(3):
+            M = robot.forward(there)
+            twist = np.concatenate([T.translation - M.translation, pin.log3(T.rotation @ M.rotation.T)])
+            there = there + np.linalg.pinv(robot.jacobian(there)) @ twist
+        room = np.minimum(there - robot.lower, robot.upper - there)
+        if room.min() < 0.0:
+            i = room.argmin()
+            before = np.minimum(q - robot.lower, robot.upper - q)[i]
+            return q + before / (before - room[i]) * (there - q)
+        q, direction = there, along
+    return None
+
+
+def test_thorough_layers_hold_where_self_motions_end_at_limits():
+    """But for the few that others on the same limit stand for."""
+    robot, rng = mq.Robot.load("panda"), np.random.default_rng(4)
+    start = robot.lower + (robot.upper - robot.lower) * rng.uniform(0.2, 0.8, size=7)
+    path = path_of(robot, start + np.linspace(0.0, 0.1, 3)[:, None] * rng.normal(size=7), 0.5)
+    density = Density(spacing=0.01, most=200, fresh=60, cell=0.1, is_thorough=True)
+    *_, layer = layers_of(path, np.arange(3), [np.empty((0, 7))] * 3, False, density, rng, {})
+    ends = [end_of_self_motion(path, q, sign, 0.25) for q in layer[:120] for sign in (-1.0, 1.0)]
+    found = [
+        np.abs(path.problem.turns.shortest(layer - end)).max(axis=1).min() < 1e-3 for end in ends if end is not None
+    ]
+    assert len(found) > 15
+    assert np.mean(found) > 0.85
+
+
 def test_what_a_layer_holds_is_followed_back_to_a_singular_pose():
     """Where the wrist is stretched its joints trade turns for nothing, and few that are drawn lead on."""
     robot = load("ur5_limited")
@@ -52,8 +88,8 @@ def test_what_a_layer_holds_is_followed_back_to_a_singular_pose():
     motion = q + np.linspace(0.0, 1.0, 40)[:, None] * np.array([0.3, 0.2, -0.3, 0.4, 0.5, 0.2])
     path = path_of(robot, motion, 0.5)
     nodes, leading = [np.empty((0, 6)), *(each[None] for each in motion[1:])], []
-    for both_ways in (False, True):
-        density = Density(spacing=0.1, most=150, fresh=16, cell=0.15, both_ways=both_ways)
+    for is_thorough in (False, True):
+        density = Density(spacing=0.1, most=150, fresh=16, cell=0.15, is_thorough=is_thorough)
         at = layer_indices(path, density.spacing)
         first, second, *_ = layers_of(path, at, nodes, False, density, np.random.default_rng(0), {})
         leading.append((np.abs(second[:, None] - first).max(axis=2).min(axis=1) < 0.2).mean())
