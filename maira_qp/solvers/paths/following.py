@@ -15,13 +15,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from maira_qp.solvers.paths.continuity import is_continuous
+from maira_qp.solvers.paths.continuity import is_continuous, misleading
 from maira_qp.solvers.paths.corridor import filled, smoothed
 from maira_qp.solvers.paths.descents import PathArrays
 from maira_qp.solvers.paths.failures import ROUNDING, open_end
 from maira_qp.solvers.paths.layers import Density, layer_indices, layers_of
 from maira_qp.solvers.paths.line import Edge, Line, best_line
-from maira_qp.solvers.paths.links import misleading
 
 COARSE = Density(spacing=0.3, most=150, fresh=16, cell=0.15)
 DENSITIES = COARSE, COARSE.finer(), COARSE.finer().finer()

@@ -141,7 +141,7 @@ def _alone(
     for ks, step in ((lost, 1), (lost[::-1], -1)):
         for k in ks[ks >= first].tolist():
             if not reached[k] and 0 <= k - step < len(q) and reached[k - step]:
-                beside = engines.solve(targets.poses(which[k]), q[k - step], SEED_0)
+                beside = engines.solve(targets.poses(int(which[k])), q[k - step], SEED_0)
                 q[k], reached[k] = beside.q, beside.success
     return q, reached
 

@@ -6,10 +6,9 @@ from support.robots import load
 
 import maira_qp as mq
 from maira_qp.problem.targets import row_of
-from maira_qp.solvers.paths.continuity import is_continuous
+from maira_qp.solvers.paths.continuity import is_continuous, misleading
 from maira_qp.solvers.paths.descents import PathArrays
 from maira_qp.solvers.paths.layers import Density, layer_indices, layers_of
-from maira_qp.solvers.paths.links import misleading
 
 
 def two_links() -> mq.Robot:
