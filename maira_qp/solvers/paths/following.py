@@ -19,7 +19,7 @@ from maira_qp.solvers.paths.continuity import is_continuous, misleading
 from maira_qp.solvers.paths.corridor import filled, smoothed
 from maira_qp.solvers.paths.descents import PathArrays
 from maira_qp.solvers.paths.failures import ROUNDING, open_end
-from maira_qp.solvers.paths.layers import Density, layer_indices, layers_of
+from maira_qp.solvers.paths.layers import Density, layer_indices, layers_from, layers_of
 from maira_qp.solvers.paths.line import Edge, Line, best_line
 
 COARSE = Density(spacing=0.3, most=150, fresh=16, cell=0.15)
@@ -129,26 +129,27 @@ def follow(
             nodes[k + 1] = np.concatenate([q[None], nodes[k + 1]])
 
     if begun is None:
-        plans = [(layer_indices(path, density.spacing), density) for density in DENSITIES]
+        plans, made = [(layer_indices(path, density.spacing), density) for density in DENSITIES], {}
     else:
-        plans = [(begun.indices(path), DENSITIES[-1])]
-    made = {} if begun is None else begun.layers
+        plans, made = [(begun.indices(path), DENSITIES[-1])], begun.layers
     best, least, line = None, np.inf, _loop if is_loop else _continuous_line
     layering = Layering(np.arange(0), [], is_start_given)
     for at, density in plans:
         layering = Layering(at, layers_of(path, at, nodes, is_start_given, density, rng, made), is_start_given)
-        through = partial(line, layering=layering)
-        for times in WIDER:
-            best, least = _smoother(path, best, through(path.wider(times)), fixed)
-            if least <= 1.0:
-                break
-        if best is not None:
-            best, least = _calmed(path, best, fixed, through)
-            if least <= 1.0 and _is_calm(path, best):
+        best, least = _bettered(path, best, fixed, partial(line, layering=layering))
+        if best is not None and least <= 1.0 and _is_calm(path, best):
+            return Followed(best, layering)
+    if best is None and begun is None:
+        roots, windows = layering.line(path).roots, layering.windows(path)
+        layers = layers_from(path, layering.at, roots, windows, DENSITIES[-1], rng)
+        if len(layers) == len(layering.at):
+            layering = replace(layering, layers=layers)
+            best, least = _bettered(path, best, fixed, partial(line, layering=layering))
+            if best is not None and least <= 1.0 and _is_calm(path, best):
                 return Followed(best, layering)
     if best is not None:
         at = _with_all_about(layering.at, path, int(path.largest_steps(best).argmax()))
-        layering = Layering(at, layers_of(path, at, nodes, is_start_given, DENSITIES[-1], rng, made), is_start_given)
+        layering = Layering(at, layers_of(path, at, nodes, is_start_given, DENSITIES[-1], rng, {}), is_start_given)
         best, least = _calmed(path, best, fixed, partial(line, layering=layering))
         if least <= 1.0:
             return Followed(best, layering)
@@ -156,6 +157,21 @@ def follow(
     if best is None or _breaks(path, broken_up) < _breaks(path, best):
         best = broken_up
     return Followed(best, layering)
+
+
+def _bettered(
+    path: PathArrays,
+    best: np.ndarray | None,
+    fixed: tuple[bool, bool],
+    line: Callable[[PathArrays], np.ndarray | None],
+) -> tuple[np.ndarray | None, float]:
+    """The best line (N, n) so far, or one with smaller steps; and its largest step."""
+    least = np.inf
+    for times in WIDER:
+        best, least = _smoother(path, best, line(path.wider(times)), fixed)
+        if least <= 1.0:
+            break
+    return (None, least) if best is None else _calmed(path, best, fixed, line)
 
 
 def _smoother(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from maira_qp.kernels.paths.boxes import within_a_step
 from maira_qp.kernels.paths.thinning import thin
 from maira_qp.robots.model.revolutions import TURN
 from maira_qp.solvers.paths.descents import PathArrays
@@ -96,7 +97,7 @@ def layers_of(
             found, arrived = path.descend(np.full(len(starts), index), starts)
             here = _merged(path, index, here, found[arrived], density)
             if density.is_thorough and is_redundant:
-                starts = _at_ends(path, here, density, rng)
+                starts = _at_ends(path, here, _with_turns(path), density, rng)
                 found, arrived = path.descend(np.full(len(starts), index), starts)
                 here = _merged(path, index, here, found[arrived], density)
         layers.append(here)
@@ -109,6 +110,48 @@ def layers_of(
             found, arrived = path.descend(np.full(len(starts), at[k]), starts)
             layers[k] = _merged(path, at[k], layers[k], found[arrived], density)
     return layers
+
+
+def layers_from(
+    path: PathArrays, at: np.ndarray, roots: np.ndarray, windows: np.ndarray, density: Density, rng: np.random.Generator
+) -> list[np.ndarray]:
+    """Layers (M_l, n) of nothing but what is linked with roots (R, n) in the first, as many as that leads to.
+
+    Joints are at the turns that lead there. So narrow ways are found, for which layers from all over the arm have no
+    room.
+
+    Args:
+        path: the poses.
+        at: (L,) indices of the poses of the layers.
+        roots: configurations at the first of them.
+        windows: (L - 1, n) how far each joint may move from layer to layer.
+        density: of the layers.
+        rng: of the configurations that are drawn.
+    """
+    robot, layers = path.problem.robot, [roots]
+    for index, window in zip(at[1:].tolist(), windows, strict=True):
+        before, here = layers[-1], np.empty((0, path.n))
+        starts = np.concatenate([before, *_aside(before, rng)])
+        for _ in range(2):
+            found, arrived = path.descend(np.full(len(starts), index), starts)
+            here = np.concatenate([here, found[arrived]])
+            linked = np.empty(len(here), np.bool_)
+            within_a_step(_as_boxes(before), _as_boxes(here), window, linked)
+            here = here[linked]
+            are_on = (here < robot.lower + ON_LIMIT) | (here > robot.upper - ON_LIMIT)
+            here = here[_thinned(here, are_on, density)]
+            starts = _at_ends(path, here, [], density, rng) if path.n > path.rank else here[:0]
+            if not len(starts):
+                break
+        if not len(here):
+            break
+        layers.append(here)
+    return layers
+
+
+def _as_boxes(q: np.ndarray) -> np.ndarray:
+    """Boxes (M, 2, n) without extent, of configurations (M, n)."""
+    return np.stack([q, q], axis=1)
 
 
 def _merged(path: PathArrays, index: int, here: np.ndarray, found: np.ndarray, density: Density) -> np.ndarray:
@@ -144,10 +187,13 @@ def _held_up(path: PathArrays, q: np.ndarray) -> np.ndarray:
     return there[is_moved]
 
 
-def _at_ends(path: PathArrays, q: np.ndarray, density: Density, rng: np.random.Generator) -> np.ndarray:
+def _at_ends(
+    path: PathArrays, q: np.ndarray, turning: list[int], density: Density, rng: np.random.Generator
+) -> np.ndarray:
     """Starts (K, n) of descents that end where self-motions of configurations (M, n) nearby leave the limits.
 
-    Somewhat beyond, but for the joint that ends it, which is at its limit and stays there.
+    Somewhat beyond, but for the joint that ends it, which is at its limit and stays there. `turning` joints are at one
+    turn of all.
     """
     robot, count = path.problem.robot, len(q)
     free = path.self_motions(q)
@@ -155,7 +201,7 @@ def _at_ends(path: PathArrays, q: np.ndarray, density: Density, rng: np.random.G
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     q, along = np.concatenate([q, q]), np.concatenate([along, -along])
     limits = np.where(along > 0.0, robot.upper, robot.lower)
-    room, turning = np.abs(limits - q), _with_turns(path)
+    room = np.abs(limits - q)
     room[:, turning] %= TURN
     far = room / np.maximum(np.abs(along), ON_LIMIT)
     joint = far.argmin(axis=1)
@@ -219,22 +265,9 @@ def _anywhere(path: PathArrays, count: int, rng: np.random.Generator) -> np.ndar
 
 
 def _thinned(q: np.ndarray, on_limits: np.ndarray, density: Density) -> np.ndarray:
-    """Indices of one of the configurations (M, n) of each cell and set of joints (M, n) on limits.
-
-    Those with joints on limits have half of the room: few others are so near to them that they could stand for them.
-    """
-    is_on = on_limits.any(axis=1)
-    on, off = np.flatnonzero(is_on), np.flatnonzero(~is_on)
-    on = on[_of_cells(q[on], on_limits[on], density.cell, density.most // 2)]
-    off = off[_of_cells(q[off], on_limits[off], density.cell, density.most - len(on))]
-    return np.sort(np.concatenate([on, off]))
-
-
-def _of_cells(q: np.ndarray, on_limits: np.ndarray, cell: float, most: int) -> np.ndarray:
-    """Indices of one of the configurations (M, n) of each cell, of such an edge or larger, and set of joints (M, n) on
-    limits; at most so many."""
-    kept, keys = np.empty(len(q), np.int64), np.empty(len(q), np.uint64)
+    """Indices of one of the configurations (M, n) of each cell and set of joints (M, n) on limits."""
+    cell, kept, keys = density.cell, np.empty(len(q), np.int64), np.empty(len(q), np.uint64)
     table = np.empty(1 << (2 * len(q) + 1).bit_length(), np.int64)
-    while (count := thin(q, on_limits, cell, table, keys, kept)) > most:
-        cell *= max(WIDER, np.sqrt(count / most))
+    while (count := thin(q, on_limits, cell, table, keys, kept)) > density.most:
+        cell *= max(WIDER, np.sqrt(count / density.most))
     return kept[:count]

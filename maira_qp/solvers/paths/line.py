@@ -35,6 +35,8 @@ class Line:
     """(L, n) at turns that leave room for its travel"""
     reconfigurations: int
     """How many there are between the layers"""
+    roots: np.ndarray
+    """(R, n) configurations of the first layer from which lines without one lead farthest"""
 
     def edge(self, layer: int) -> Edge:
         """The step to a layer."""
@@ -105,7 +107,12 @@ def _best_line(
             q[begin:stop] += turns.room_near(least, most, q[begin - 1] - q[begin])
         elif not is_start_given:
             q[begin:stop] += turns.room_for(least, most)
-    return Line(chosen.tolist(), q, len(breaks))
+    layer = np.searchsorted(first, np.searchsorted(states, np.arange(states[-1]), side="right") - 1, side="right") - 1
+    there = np.flatnonzero((cost < RECONFIGURATION) & (layer == layer[cost < RECONFIGURATION].max()))
+    while back[there[0]] >= 0:
+        there = np.unique(back[there])
+    roots = nodes[np.unique(np.searchsorted(states, there, side="right") - 1)]
+    return Line(chosen.tolist(), q, len(breaks), roots)
 
 
 def _numbers_of_turns(turns: WholeTurns, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,5 +1,7 @@
 """Layers of configurations along a path, and what links them."""
 
+from itertools import pairwise
+
 import numpy as np
 import pinocchio as pin
 from support.robots import load
@@ -8,7 +10,7 @@ import maira_qp as mq
 from maira_qp.problem.targets import row_of
 from maira_qp.solvers.paths.continuity import is_continuous, misleading
 from maira_qp.solvers.paths.descents import PathArrays
-from maira_qp.solvers.paths.layers import Density, layer_indices, layers_of
+from maira_qp.solvers.paths.layers import Density, layer_indices, layers_from, layers_of
 
 
 def two_links() -> mq.Robot:
@@ -78,6 +80,23 @@ def test_thorough_layers_hold_where_self_motions_end_at_limits():
     ]
     assert len(found) > 15
     assert np.mean(found) > 0.85
+
+
+def test_layers_from_roots_hold_nothing_but_what_these_lead_to():
+    """Whatever is far along the self-motion in the first layer is not there; what is near leads to the last one."""
+    robot, rng = mq.Robot.load("panda"), np.random.default_rng(0)
+    motion = robot.middle + np.linspace(0.0, 0.3, 12)[:, None] * rng.normal(size=7)
+    path, density = path_of(robot, motion, 0.1), Density(spacing=0.01, most=60, fresh=0, cell=0.05)
+    windows = np.full((11, 7), 0.1)
+    layers = layers_from(path, np.arange(12), motion[:1], windows, density, rng)
+    assert len(layers) == 12
+    for k, (before, here) in enumerate(pairwise(layers), 1):
+        assert (np.abs(here[:, None] - before).max(axis=2).min(axis=1) <= 0.1).all()
+        assert ((robot.lower <= here) & (here <= robot.upper)).all()
+        assert (path.errors(path.rows[np.full(len(here), k)], here) < 1.1e-6).all()
+    assert np.abs(layers[-1] - motion[-1]).max(axis=1).min() < 0.1
+    far = np.full((1, 7), 9.0)
+    assert len(layers_from(path, np.arange(12), far, windows, density, rng)) == 1
 
 
 def test_what_a_layer_holds_is_followed_back_to_a_singular_pose():

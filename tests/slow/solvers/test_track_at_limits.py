@@ -47,6 +47,8 @@ def test_a_motion_that_ends_in_a_corner_of_limits_with_turns_is_followed_from_it
         ("xarm7", (2000, 195), True),
         ("xarm7", (2000, 359), True),
         ("xarm7", (2000, 556), True),
+        ("xarm7", (2000, 735), True),
+        ("maira", (2000, 91), True),
         ("maira", (2000, 95), True),
         ("maira", (2000, 707), False),
         ("talos_arm", (2000, 575), True),
@@ -56,8 +58,8 @@ def test_a_motion_that_ends_in_a_corner_of_limits_with_turns_is_followed_from_it
 )
 def test_a_motion_through_the_whole_range_of_joints_is_followed(name, seed, is_start_given):
     """Of these the best line without regard to turns does not fit, or what is near limits leads on from one side alone,
-    or many links beside one another jump, or all that leads on has a joint on a limit, or hardly leaves it, or poses at
-    the end are not reached by themselves."""
+    or many links beside one another jump, or all that leads on has a joint on a limit, or hardly leaves one from end to
+    end, or poses at the end are not reached by themselves."""
     robot, rng = mq.Robot.maira() if name == "maira" else load(name), np.random.default_rng(seed)
     points = rng.uniform(robot.lower, robot.upper, (4, robot.n))
     if seed[1] % 4 == 3:  # stands on limits

@@ -98,3 +98,15 @@ def test_turns_leave_room_for_the_travel(is_start_given):
         assert line.reconfigurations == 0
         np.testing.assert_allclose(np.diff(line.q[:, 0]), np.diff(angles), atol=1e-12)
     assert (np.abs(line.q) <= 1.5 * TURN).all()
+
+
+def test_the_roots_of_a_broken_line_are_those_that_lead_farthest():
+    """Three ways of which the first ends after 3 layers, the second after 5, the third begins in the second layer."""
+    turns = planar(3.0)
+    ends = [(0.0, range(3)), (1.0, range(5)), (2.0, range(1, 8))]
+    layers = [np.array([[where + 0.01 * k] for where, when in ends if k in when]) for k in range(8)]
+    line = best_line(layers, np.full((7, 1), 0.1), set(), turns, is_start_given=False)
+    assert line.reconfigurations == 1
+    np.testing.assert_array_equal(line.roots, [[1.0]])
+    whole = best_line(layers[1:], np.full((6, 1), 0.1), set(), turns, False)
+    np.testing.assert_array_equal(whole.roots, [[2.01]])
