@@ -86,7 +86,7 @@ def scores_at(
 
 
 def by_map(reach: ReachMap, quality: str) -> Look:
-    """What a map says of the nearest poses of its grid; a quality is the best of a cell."""
+    """What a map says of poses; a quality is the best of their cells."""
 
     def look(T: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return reach.query(T) == Reach.REACHABLE, reach.at(T[:, :3, 3], quality)

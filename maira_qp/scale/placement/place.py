@@ -54,7 +54,7 @@ def place(
     """Rank base poses by the tool poses that the arm reaches from there.
 
     Each base of a grid is scored: first by the share of the poses that are reached, then by the smallest quality over
-    them, then by the mean. These scores are estimates, those of the map's nearest cells. The best bases are solved, in
+    them, then by the mean. These scores are estimates where they are those of a map. The best bases are solved, in
     all at most some 500,000 poses, and ranked by what was found; of those at one position the best yaw is kept.
 
     Args:

@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 
 GOLDEN = 0.5 * (1.0 + 5.0**0.5)
+AROUND = 5
+"""Directions that count as around another."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,22 @@ class Positions:
             inside = np.all((at >= 0) & (at < self.shape), axis=1)
         at = np.where(inside[:, None], at, 0).astype(np.int64)
         return np.where(inside, np.ravel_multi_index(tuple(at.T), self.shape), -1)
+
+    def around(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The eight cells whose centres are around points (N, 3) [m], and their weights, both (8, N).
+
+        The weights are those of trilinear interpolation between centres, beyond the outermost of the nearest point that
+        is between some.
+        """
+        last = np.array(self.shape) - 1
+        with np.errstate(over="ignore"):
+            at = np.clip(np.nan_to_num(points) / self.cell - self.lower - 0.5, 0, last)
+        low = at.astype(np.int64)
+        ends, shares = (low, np.minimum(low + 1, last)), (1.0 - (at - low), at - low)
+        corners = list(np.ndindex(2, 2, 2))
+        cells = [np.ravel_multi_index([ends[c][:, k] for k, c in enumerate(corner)], self.shape) for corner in corners]
+        weights = [np.prod([shares[c][:, k] for k, c in enumerate(corner)], axis=0) for corner in corners]
+        return np.array(cells), np.array(weights)
 
 
 @dataclass(frozen=True)
@@ -91,15 +109,43 @@ class Orientations:
 
     def nearest(self, R: np.ndarray) -> np.ndarray:
         """Of rotations (N, 3, 3) the orientation (N,) with the nearest direction, and then the nearest roll."""
-        direction = np.asarray(self._tree.query(np.nan_to_num(R[:, :, 2]))[1])
+        R = _bounded(R)
+        direction = np.asarray(self._tree.query(R[:, :, 2])[1])
         if self.rolls == 1:
             return direction
+        steps = self._roll_steps(R, direction)
+        return direction * self.rolls + np.rint(steps).astype(np.int64) % self.rolls
+
+    def around(self, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The orientations around rotations (N, 3, 3), and their weights, both (M, N).
+
+        The `AROUND` directions nearest to the z axis, by chords d_1 <= d_2 <= ... between unit vectors, weigh
+        1 - (d_k / d_6)^2, which goes to zero where another takes the place of the last; and on each of them the two
+        rolls next to that of the rotation weigh as in linear interpolation. Among so few directions or fewer it is the
+        nearest orientation alone.
+        """
+        if self.directions <= AROUND:
+            return self.nearest(R)[None], np.ones((1, len(R)))
+        R = _bounded(R)
+        chord, near = self._tree.query(R[:, :, 2], k=AROUND + 1)
+        weights = 1.0 - (chord[:, :-1] / chord[:, -1:]).T ** 2
+        weights /= np.maximum(weights.sum(axis=0), np.finfo(float).tiny)
+        direction = near[:, :-1].T
+        if self.rolls == 1:
+            return direction, weights
+        steps = np.array([self._roll_steps(R, each) for each in direction])
+        low = np.floor(steps)
+        rolls = np.stack([low, low + 1.0]).astype(np.int64) % self.rolls
+        shares = np.stack([low + 1.0 - steps, steps - low])
+        return (direction * self.rolls + rolls).reshape(-1, len(R)), (weights * shares).reshape(-1, len(R))
+
+    def _roll_steps(self, R: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """How many steps of a roll (N,) rotations (N, 3, 3) are beyond the first on directions (N,)."""
         vectors = self.vectors[direction]
         x, y = (axis[direction] for axis in self._axes)
         tool = R[:, :, 0] - (R[:, :, 0] * vectors).sum(axis=1)[:, None] * vectors
         angle = np.arctan2((tool * y).sum(axis=1), (tool * x).sum(axis=1))
-        steps = np.nan_to_num((angle - self.angles[direction, 0]) * self.rolls / (2.0 * np.pi))
-        return direction * self.rolls + np.rint(steps).astype(np.int64) % self.rolls
+        return (angle - self.angles[direction, 0]) * self.rolls / (2.0 * np.pi)
 
     @cached_property
     def _axes(self) -> tuple[np.ndarray, np.ndarray]:
@@ -110,6 +156,11 @@ class Orientations:
         from scipy.spatial import KDTree  # not at the top: takes a while to load
 
         return KDTree(self.vectors)
+
+
+def _bounded(R: np.ndarray) -> np.ndarray:
+    """Rotations (N, 3, 3), and something finite where they are none."""
+    return np.clip(np.nan_to_num(R), -1.0, 1.0)
 
 
 def _frames(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

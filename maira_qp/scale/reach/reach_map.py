@@ -23,6 +23,8 @@ from maira_qp.scale.reach.surface import MapSurface, surface_at
 
 PLANES = {"xy": (0, 1, 2), "xz": (0, 2, 1), "yz": (1, 2, 0)}
 """Planes by their axes, the third of which is across."""
+POSES = 8_192
+"""Poses that are looked up together: what fits into the caches."""
 
 
 class MapSlice(NamedTuple):
@@ -77,33 +79,55 @@ class ReachMap(Shown):
             self._kept[quantity] = store.open_arrays(self.folder)[quantity][...]
         return self._kept[quantity]
 
-    def query(self, poses: Any) -> np.ndarray:
-        """What the map says of poses: values of `Reach` (N,), of int8, those of the nearest poses of the grid.
+    def query(self, poses: Any, *, nearest: bool = False) -> np.ndarray:
+        """What the map says of poses: values of `Reach` (N,), of int8, by the poses of the grid around each.
 
-        The position is taken to the centre of its cell, the z axis of the tool to the nearest direction, the roll
-        about it to the nearest roll. So UNREACHABLE is proved of that pose, and not of the one that is asked for,
-        which may be half a cell and half a step of the orientations away; outside of the grid it is UNREACHABLE where
-        the tip cannot be that far, and else UNDECIDED, as a pose with NaN or inf in it is.
+        What these say with more than half of their weight; UNDECIDED where nothing has as much. A weight is a product:
+        of that of the eight cells around the position in trilinear interpolation, and of that of the orientation, see
+        `Orientations.around`. So this is an estimate, wrong of some poses near the edge of what is reached, and never a
+        proof. `nearest` gives the verdict of the nearest pose of the grid, which is wrong three times as often; then
+        UNREACHABLE is proved of that pose, and not of the one that is asked for, which may be half a cell and half a
+        step of the orientations away.
+
+        Outside of the grid it is UNREACHABLE where the tip cannot be that far, and else UNDECIDED, as a pose with NaN
+        or inf in it is.
 
         Args:
             poses: (N, 4, 4), or a sequence of `pin.SE3` and (4, 4) arrays; rotations are not checked.
+            nearest: the position is taken to the centre of its cell, the z axis of the tool to the nearest direction,
+                the roll about it to the nearest roll.
 
         Raises `PoseError`.
         """
         T = poses_of_batch(poses, "pose", "for one pose: query([pose])")
         points, job = T[:, :3, 3], self.job
         cell = job.positions.index(points)
-        orientation = job.orientations.nearest(T[:, :3, :3])
-        found = self._flat[np.maximum(cell, 0), orientation]
-        outside = np.flatnonzero(cell < 0)
-        if len(outside):
-            found[outside] = Reach.UNDECIDED
-            if job.radius is not None:
-                with np.errstate(invalid="ignore", over="ignore"):
-                    away = np.linalg.norm(points[outside] - np.array(job.centre), axis=1)
-                found[outside[away > job.radius + job.options["position_tolerance"]]] = Reach.UNREACHABLE
-        found[~np.isfinite(T).all(axis=(1, 2))] = Reach.UNDECIDED
+        found, is_finite = np.full(len(T), Reach.UNDECIDED, dtype=np.int8), np.isfinite(T).all(axis=(1, 2))
+        inside, outside = np.flatnonzero(is_finite & (cell >= 0)), np.flatnonzero(is_finite & (cell < 0))
+        if nearest:
+            found[inside] = self._flat[cell[inside], job.orientations.nearest(T[inside, :3, :3])]
+        else:
+            for some in (inside[first : first + POSES] for first in range(0, len(inside), POSES)):
+                found[some] = self._around(T[some])
+        if job.radius is not None:
+            with np.errstate(over="ignore"):
+                away = np.linalg.norm(points[outside] - np.array(job.centre), axis=1)
+            found[outside[away > job.radius + job.options["position_tolerance"]]] = Reach.UNREACHABLE
         return found
+
+    def _around(self, T: np.ndarray) -> np.ndarray:
+        """What has most of the weight (N,) around poses (N, 4, 4)."""
+        cells, shares = self.job.positions.around(T[:, :3, 3])
+        orientations, weights = self.job.orientations.around(T[:, :3, :3])
+        verdict, cells = self._flat.reshape(-1), cells * self.job.units_per_item
+        reached, proved = np.zeros(len(T)), np.zeros(len(T))
+        for cell, share in zip(cells, shares, strict=True):
+            for orientation, weight in zip(orientations, weights, strict=True):
+                said, both = verdict[cell + orientation], share * weight
+                reached += both * (said == Reach.REACHABLE)
+                proved += both * (said == Reach.UNREACHABLE)
+        kinds = [reached > 0.5, proved > 0.5]
+        return np.select(kinds, [Reach.REACHABLE, Reach.UNREACHABLE], Reach.UNDECIDED).astype(np.int8)
 
     def at(self, positions: Any, quantity: str = "reachable") -> np.ndarray:
         """A quantity (N,) of the cells that hold positions (N, 3) [m]; NaN outside of the grid.

@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.spatial.transform import Rotation
 from support.marked_jobs import files_of
 
 import maira_qp as mq
 from maira_qp.errors import JobError, OptionError, PoseError, RobotError
 from maira_qp.scale import ReachJob, ReachMap, resume, run, state_of, verify
+from maira_qp.solvers.reachability import reachability
 
 zarr = pytest.importorskip("zarr")
 CELL, DIRECTIONS, ROLLS = 0.4, 15, 2
@@ -79,10 +81,74 @@ def test_the_grid_holds_all_that_can_be_reached(job, rng):
     assert (np.linalg.norm(tips - job.centre, axis=1) <= job.radius).all()
 
 
-def test_a_query_of_the_poses_of_the_grid_gives_their_verdicts(job, reach_map, rng):
+def test_a_query_of_the_nearest_poses_of_the_grid_gives_their_verdicts(job, reach_map, rng):
     T = grid_poses(job)
     T[..., :3, 3] += rng.uniform(-0.49, 0.49, (*T.shape[:-2], 3)) * CELL
-    np.testing.assert_array_equal(reach_map.query(T.reshape(-1, 4, 4)), reach_map.verdict.reshape(-1))
+    np.testing.assert_array_equal(reach_map.query(T.reshape(-1, 4, 4), nearest=True), reach_map.verdict.reshape(-1))
+
+
+def random_poses(job: ReachJob, count: int) -> np.ndarray:
+    """Poses (count, 4, 4) uniform over the grid and over all rotations."""
+    rng, T = np.random.default_rng(7), np.tile(np.eye(4), (count, 1, 1))
+    T[:, :3, :3] = Rotation.from_quat(rng.normal(size=(count, 4))).as_matrix()
+    T[:, :3, 3] = CELL * (job.lower + rng.random((count, 3)) * job.shape)
+    return T
+
+
+def naive_weights(job: ReachJob, T: np.ndarray) -> np.ndarray:
+    """The weights of all poses of the grid (X, Y, Z, directions, rolls) around a pose (4, 4)."""
+    axes = [job.positions.axis(k) for k in range(3)]
+    hats = [
+        np.maximum(0.0, 1.0 - np.abs(np.clip(p, axis[0], axis[-1]) - axis) / job.cell)
+        for p, axis in zip(T[:3, 3], axes, strict=True)
+    ]
+    vectors = job.orientations.vectors
+    chord = np.linalg.norm(vectors - T[:3, 2], axis=1)
+    of_directions = np.maximum(0.0, 1.0 - (chord / np.sort(chord)[5]) ** 2)
+    of_rolls = np.zeros((job.directions, job.rolls))
+    for direction, own in enumerate(job.orientations.rotations):
+        along = T[:3, 0] - T[:3, 0] @ vectors[direction] * vectors[direction]
+        for roll, R in enumerate(own):
+            angle = np.arccos(np.clip(R[:, 0] @ along / np.linalg.norm(along), -1.0, 1.0))
+            of_rolls[direction, roll] = max(0.0, 1.0 - angle * job.rolls / (2 * np.pi))
+    return np.einsum("x,y,z,d,dr->xyzdr", *hats, of_directions / of_directions.sum(), of_rolls)
+
+
+def test_a_query_is_what_has_most_of_the_weight_around_a_pose(job, reach_map):
+    T = random_poses(job, 300)
+    said = reach_map.query(T)
+    for one, kind in zip(T, said, strict=True):
+        weights = naive_weights(job, one)
+        of_kinds = np.array([weights[reach_map.verdict == each].sum() for each in mq.Reach])
+        assert of_kinds.sum() == pytest.approx(1.0)
+        assert of_kinds[kind] > 0.5 - 1e-9
+    assert 0.01 < np.mean(said == mq.Reach.REACHABLE) < 0.5
+
+
+def test_a_query_errs_less_than_the_nearest_pose(job, reach_map):
+    T = random_poses(job, 5000)
+    truth = reachability(mq.Solver(mq.Robot.iiwa14()), T).verdict
+    around, nearest = reach_map.query(T) != truth, reach_map.query(T, nearest=True) != truth
+    assert 0 < around.sum() < 0.7 * nearest.sum()
+
+
+@pytest.mark.parametrize(
+    ("kinds", "said"),
+    [
+        ((0, 0, 0, 0, 0, 1, 1, 2), mq.Reach.REACHABLE),
+        ((2, 1, 1, 0, 1, 0, 1, 1), mq.Reach.UNREACHABLE),
+        ((0, 0, 0, 1, 1, 1, 2, 2), mq.Reach.UNDECIDED),
+    ],
+)
+def test_what_a_query_says_has_more_than_half_of_the_weight(kinds, said, job, folder):
+    """At a corner of eight cells each has an eighth."""
+    reach = ReachMap.open(folder)
+    parity = np.indices(job.shape) % 2
+    of_cells = np.array(kinds)[4 * parity[0] + 2 * parity[1] + parity[2]]
+    reach.verdict = np.broadcast_to(of_cells[..., None, None], reach.verdict.shape).astype(np.int8)
+    T = np.eye(4)
+    T[:3, 3] = CELL * (np.array(job.lower) + np.array(job.shape) // 2)
+    assert reach.query([T]).tolist() == [said]
 
 
 @pytest.mark.parametrize("pose", [np.eye(4), pin.SE3.Identity()])
@@ -96,11 +162,14 @@ def test_a_query_outside_of_the_grid_is_unreachable_only_beyond_the_reach(tmp_pa
     small = ReachJob.of(mq.Robot.iiwa14(), cell=0.2, directions=4, box=[(0.0, 0.4), (0.0, 0.2), (0.2, 0.4)])
     assert small.shape == (2, 1, 1)
     run(small, tmp_path, engine="here")
-    T = np.tile(np.eye(4), (4, 1, 1))
-    T[:, :3, 3] = [[0.1, 0.1, 0.3], [-0.1, 0.1, 0.3], [9.0, 0.0, 0.0], [np.nan, 0.0, 0.0]]
-    found = ReachMap.open(tmp_path).query(T)
-    assert found[0] in (mq.Reach.REACHABLE, mq.Reach.UNREACHABLE)
-    assert found[1:].tolist() == [mq.Reach.UNDECIDED, mq.Reach.UNREACHABLE, mq.Reach.UNDECIDED]
+    T = np.tile(np.eye(4), (6, 1, 1))
+    T[:5, :3, 3] = [[0.1, 0.1, 0.3], [-0.1, 0.1, 0.3], [9.0, 0.0, 0.0], [np.nan, 0.0, 0.0], [np.inf, 0.0, 0.0]]
+    T[5, :3] = [0.0, 0.0, np.inf, 0.1], [0.0, 1.0, 0.0, 0.1], [0.0, 0.0, 1.0, 0.3]
+    for nearest in (False, True):
+        found = ReachMap.open(tmp_path).query(T, nearest=nearest)
+        assert found[0] in (mq.Reach.REACHABLE, mq.Reach.UNREACHABLE)
+        assert found[1:3].tolist() == [mq.Reach.UNDECIDED, mq.Reach.UNREACHABLE]
+        assert (found[3:] == mq.Reach.UNDECIDED).all()
 
 
 def test_places_and_planes(job, reach_map):
