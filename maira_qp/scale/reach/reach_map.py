@@ -85,9 +85,9 @@ class ReachMap(Shown):
         What these say with more than half of their weight; UNDECIDED where nothing has as much. A weight is a product:
         of that of the eight cells around the position in trilinear interpolation, and of that of the orientation, see
         `Orientations.around`. So this is an estimate, wrong of some poses near the edge of what is reached, and never a
-        proof. `nearest` gives the verdict of the nearest pose of the grid, which is wrong three times as often; then
-        UNREACHABLE is proved of that pose, and not of the one that is asked for, which may be half a cell and half a
-        step of the orientations away.
+        proof. `nearest` gives the verdict of the nearest pose of the grid, which is wrong two to three times as often;
+        then UNREACHABLE is proved of that pose, and not of the one that is asked for, which may be half a cell and half
+        a step of the orientations away.
 
         Outside of the grid it is UNREACHABLE where the tip cannot be that far, and else UNDECIDED, as a pose with NaN
         or inf in it is.
