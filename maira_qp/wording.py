@@ -1,9 +1,19 @@
-"""Sentences with lengths and angles in them, which a reader can have in other units."""
+"""Numbers as text, and sentences with lengths and angles in them, which a reader can have in other units."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+
+
+def fixed(value: float, decimals: int, sign: str = "") -> str:
+    """A number with so many decimals, without a minus before zeros; `sign` "+": others have a plus."""
+    return f"{round(value, decimals) + 0.0:{sign}.{decimals}f}"
+
+
+def figures(value: float) -> str:
+    """A number with three figures, or all before the point: 0.0123, 12.3, 12,300."""
+    return f"{value:,.0f}" if 999.5 <= abs(value) < 1e9 else f"{value:.3g}"
 
 
 @dataclass(frozen=True)

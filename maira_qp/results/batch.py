@@ -19,6 +19,7 @@ from maira_qp.results.solution import Solution
 from maira_qp.results.status import Status
 from maira_qp.robots.model.robot import condition_numbers
 from maira_qp.robots.unit_hints import millimetres_hint_of_many
+from maira_qp.wording import fixed
 
 SHOWN = 10
 """Answers of a batch that a notebook shows."""
@@ -273,7 +274,7 @@ def _checked_index(i: Any, count: int) -> int | np.ndarray:
 def _row(one: Solution) -> tuple[str, ...]:
     """An answer in a table of a batch."""
     errors = ("free" if part in one.left_free else f"{getattr(one, name):.3g}" for part, name in ERRORS.items())
-    return one.status.name, *errors, *(f"{value:.4f}" for value in one.q)
+    return one.status.name, *errors, *(fixed(value, 4) for value in one.q)
 
 
 def _spread(values: np.ndarray) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from maira_qp.arrays import plain
 from maira_qp.display import Card, Shown
 from maira_qp.results.status import Status
-from maira_qp.wording import Quantity, Wording, joined
+from maira_qp.wording import Quantity, Wording, figures, joined
 
 if TYPE_CHECKING:
     from maira_qp.results.certificate import Proof
@@ -166,14 +166,14 @@ class Explanation(Shown):
             rows=[
                 (
                     limit.name,
-                    f"{limit.multiplier:.3g}",
-                    f"{limit.position:.3g}",
-                    f"{limit.orientation:.3g}",
+                    figures(limit.multiplier),
+                    figures(limit.position),
+                    figures(limit.orientation),
                     "" if limit.further is None else f"{limit.further:.3g} {limit.unit}",
                 )
                 for limit in self.limits
             ]
-            + [(one.name, f"{one.multiplier:.3g}", "", "", "") for one in (*self.pairs, *self.rows)],
+            + [(one.name, figures(one.multiplier), "", "", "") for one in (*self.pairs, *self.rows)],
         )
 
 
@@ -215,9 +215,9 @@ def _reasons(why: Explanation) -> Iterator[str]:
         for limit in standing:
             if limit.multiplier > 0:
                 unit = limit.unit or "unit of its own"
-                yield f"It stands on {limit.name}, which costs {limit.multiplier:.3g} per {unit}."
+                yield f"It stands on {limit.name}, which costs {figures(limit.multiplier)} per {unit}."
         for pair in why.pairs:
-            cost = f", which costs {pair.multiplier:.3g} per m" if pair.multiplier > 0 else ""
+            cost = f", which costs {figures(pair.multiplier)} per m" if pair.multiplier > 0 else ""
             yield Wording(_apart(pair), cost, ".")
         return
     if why.position_alone is not None:

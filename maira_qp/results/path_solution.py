@@ -13,6 +13,7 @@ from maira_qp.display import Card
 from maira_qp.errors import OptionError
 from maira_qp.results.answer import OfProblem, Origin, unknown_errors
 from maira_qp.results.trajectory import Trajectory
+from maira_qp.wording import fixed
 
 if TYPE_CHECKING:
     from maira_qp.results.certificate import Proof
@@ -202,7 +203,7 @@ class PathSolution(OfProblem):
         whole = f"{len(self)} poses, followed whole" if k is None else f"{len(self)} poses, followed up to pose {k}"
         largest = np.abs(np.diff(self.q, axis=0)).max(axis=0, initial=0.0)
         rows = [
-            (name, f"{low:.4f} to {high:.4f} {unit}", f"{step:.4f} {unit}")
+            (name, f"{fixed(low, 4)} to {fixed(high, 4)} {unit}", f"{step:.4f} {unit}")
             for name, unit, low, high, step in zip(
                 self.joint_names,
                 self.q_units,

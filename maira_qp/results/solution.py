@@ -14,6 +14,7 @@ from maira_qp.errors import OptionError, SensitivityError
 from maira_qp.results.answer import Answer, Origin, errors_in_words
 from maira_qp.results.status import Status
 from maira_qp.robots.unit_hints import degrees_hint, millimetres_hint
+from maira_qp.wording import figures, fixed
 
 if TYPE_CHECKING:
     from maira_qp.results.certificate import Proof
@@ -70,7 +71,7 @@ class Solution(Answer):
         return self.success
 
     def _card(self) -> Card:
-        numbers = [f"{value:.4f} {unit}" for value, unit in zip(self.q, self.q_units, strict=True)]
+        numbers = [f"{fixed(value, 4)} {unit}" for value, unit in zip(self.q, self.q_units, strict=True)]
         return Card(
             title=f"Solution: {self.status.name}, {self.status.meaning}{f', {self.scope}' if self.scope else ''}",
             facts=(
@@ -80,7 +81,7 @@ class Solution(Answer):
                 ("cost", f"{self.cost:.6g}{'' if self.optimal else ', not optimal'}" if np.isfinite(self.cost) else ""),
                 ("rejected by accept", str(self.rejected) if self.rejected else ""),
                 ("active limits", ", ".join(self.active_limits)),
-                ("broken limits", ", ".join(f"{name} by {x:.3g}" for name, x in self.broken_limits.items())),
+                ("broken limits", ", ".join(f"{name} by {figures(x)}" for name, x in self.broken_limits.items())),
                 ("hint", " ".join(self.hints)),
             ),
             entries=joint_entries(self.joint_names, numbers),

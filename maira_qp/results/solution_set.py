@@ -12,6 +12,7 @@ from maira_qp.analytic.srs.arcs import Arc
 from maira_qp.analytic.srs.geometry import Branch
 from maira_qp.display import Card, Shown, joint_entries
 from maira_qp.results.answer import errors_in_words
+from maira_qp.wording import fixed
 
 SHOWN, SHOWN_JOINTS = 12, 7
 """Solutions that a printed list shows, and joints of each."""
@@ -39,10 +40,10 @@ class ListedSolution(Shown):
     """What the tasks leave free, "position" or "orientation": its error says nothing, and is 0"""
 
     def _card(self) -> Card:
-        numbers = [f"{value:.4f}" for value in self.q]
+        numbers = [fixed(value, 4) for value in self.q]
         arc = "" if self.arc is None else f"psi {self.arc.in_words()}"
-        if self.arc is not None and not self.arc.is_isolated:
-            arc += f", here {self.psi:.4f}"
+        if self.arc is not None and self.psi is not None and not self.arc.is_isolated:
+            arc += f", here {fixed(self.psi, 4)}"
         return Card(
             title=f"ListedSolution: cost {self.cost:.6g}",
             facts=(
@@ -116,7 +117,7 @@ class Solutions(Shown, Sequence[ListedSolution]):
                 (
                     str(i),
                     f"{one.cost:.5g}",
-                    *(f"{x:.4f}" for x in one.q),
+                    *(fixed(x, 4) for x in one.q),
                     *([one.arc.in_words(3)] if one.arc is not None else []),
                 )
                 for i, one in enumerate(self)
@@ -126,5 +127,5 @@ class Solutions(Shown, Sequence[ListedSolution]):
 
 def _line(i: int, one: ListedSolution) -> str:
     """The i-th of a list, for a terminal."""
-    joints = "".join(f"{x:8.3f}" for x in one.q[:SHOWN_JOINTS])
+    joints = "".join(f"{fixed(x, 3):>8}" for x in one.q[:SHOWN_JOINTS])
     return f"{i:5d}  cost {one.cost:<9.4g}{joints}{' ...' if len(one.q) > SHOWN_JOINTS else ''}"

@@ -12,6 +12,7 @@ from maira_qp.display import Card, joint_entries
 from maira_qp.results.answer import OfProblem, Origin, errors_in_words
 from maira_qp.results.solution import ends_of
 from maira_qp.results.status import StepStatus
+from maira_qp.wording import fixed
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -43,8 +44,8 @@ class Step(OfProblem):
 
     def _card(self) -> Card:
         units = self.q_units
-        numbers = [f"{value:.4f} {unit}" for value, unit in zip(self.q, units, strict=True)]
-        speeds = [f"{value:+.4f} {unit}/s" for value, unit in zip(self.velocity, units, strict=True)]
+        numbers = [f"{fixed(value, 4)} {unit}" for value, unit in zip(self.q, units, strict=True)]
+        speeds = [f"{fixed(value, 4, '+')} {unit}/s" for value, unit in zip(self.velocity, units, strict=True)]
         errors = errors_in_words(self.position_error, self.orientation_error, self.left_free)
         both = [f"{number} {speed}" for number, speed in zip(numbers, speeds, strict=True)]
         return Card(

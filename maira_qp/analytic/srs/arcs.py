@@ -50,6 +50,7 @@ from maira_qp.display import Card, Shown, joint_entries
 from maira_qp.orientation import pose_error
 from maira_qp.robots.model.revolutions import WholeTurns, first_choices
 from maira_qp.robots.model.robot import Robot
+from maira_qp.wording import fixed
 
 WITHIN = 1e-12
 """A joint beyond a limit by at most this [rad] is at the limit: it is clipped."""
@@ -90,7 +91,9 @@ class Arc(Shown):
 
     def _card(self) -> Card:
         names, ends = self.robot.joint_names, self.at(np.array([self.lower, self.upper]))
-        ranges = [f"{begin:.4f}" if self.is_isolated else f"{begin:.4f} .. {end:.4f}" for begin, end in ends.T]
+        ranges = [
+            fixed(begin, 4) if self.is_isolated else f"{fixed(begin, 4)} .. {fixed(end, 4)}" for begin, end in ends.T
+        ]
         branch = ", ".join(f"{part} {sign:+d}" for part, sign in self.branch._asdict().items())
         return Card(
             title=f"Arc: psi {self.in_words()}; {branch}",

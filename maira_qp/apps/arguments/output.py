@@ -21,7 +21,7 @@ from rich.table import Table
 
 from maira_qp.arrays import plain, real_array
 from maira_qp.errors import ConfigurationError, OptionError
-from maira_qp.wording import SentenceUnits
+from maira_qp.wording import SentenceUnits, fixed
 
 if TYPE_CHECKING:
     from maira_qp.robots.model.robot import Robot
@@ -124,7 +124,7 @@ class Units:
 
 def numbers(values: Any) -> str:
     """Numbers in columns, six decimals."""
-    return " ".join(f"{value:11.6f}" for value in values)
+    return " ".join(f"{fixed(value, 6):>11}" for value in values)
 
 
 def folded(name: str, width: int = WIDTH_OF_NAMES) -> str:

@@ -26,6 +26,7 @@ from maira_qp.results.status import Status
 from maira_qp.robots.model.robot import Robot
 from maira_qp.robots.unit_hints import degrees_hint, degrees_hint_of_angles, millimetres_hint_of_many
 from maira_qp.solvers.solver import Solver
+from maira_qp.wording import figures
 
 REMARKS = {
     "nearest": "NEAREST: a nearest point, not at the pose",
@@ -234,7 +235,7 @@ def _show(summary: dict[str, Any], units: Units, out: Console) -> None:
         for heading, error in units.errors(summary["worst_position_error"], summary["worst_orientation_error"]):
             table.add_row(f"worst {heading}", error)
     rate = summary["poses_per_second"]
-    table.add_row("time", f"{summary['seconds']:.3g} s, {rate:{',.0f' if rate >= 10 else '.2g'}} poses per second")
+    table.add_row("time", f"{figures(summary['seconds'])} s, {rate:{',.0f' if rate >= 10 else '.2g'}} poses per second")
     table.add_row("QPs solved by", summary["backend"])
     table.add_row("answers", summary["output"])
     out.print(table)

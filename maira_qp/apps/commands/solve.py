@@ -19,7 +19,7 @@ from maira_qp.apps.arguments.robot_choice import RobotChoice
 from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.errors import OptionError
 from maira_qp.problem.options import Options
-from maira_qp.wording import in_units
+from maira_qp.wording import figures, fixed, in_units
 
 if TYPE_CHECKING:
     from maira_qp.apps.arguments.output import Units
@@ -204,7 +204,7 @@ def _show(robot: Robot, units: Units, s: Solution, hints: Sequence[str]) -> None
     for heading, error in units.errors(*known.values()):
         table.add_row(heading, error)
     if np.isfinite(s.max_joint_change):
-        table.add_row("farthest joint from --q0 [rad or m]", f"{s.max_joint_change:.3g}")
+        table.add_row("farthest joint from --q0 [rad or m]", figures(s.max_joint_change))
     table.add_row("condition number", f"{s.condition_number:.4g}")
     table.add_row("iterations, restarts", f"{s.iterations}, {s.restarts}")
     if np.isfinite(s.cost):
@@ -255,7 +255,7 @@ def _show_all(robot: Robot, units: Units, solutions: Solutions) -> None:
     headings = [f"{name} [{unit}]" for name, unit in zip(robot.joint_names, units.joints, strict=True)]
     table = Table(*headings, "posture cost", "error [m]", "error [rad]")
     for one in solutions:
-        values = [f"{value:.5f}" for value in units.write(one.q)]
+        values = [fixed(value, 5) for value in units.write(one.q)]
         table.add_row(*values, f"{one.cost:.5g}", f"{one.position_error:.1e}", f"{one.orientation_error:.1e}")
     for column in table.columns:
         column.justify = "right"
@@ -267,5 +267,5 @@ def _show_all(robot: Robot, units: Units, solutions: Solutions) -> None:
             f"{i}. posture cost {one.cost:.5g}, {one.position_error:.1e} m and {one.orientation_error:.1e} rad off",
             style="bold",
         )
-        values = [f"{value:.5f} {unit}" for value, unit in zip(units.write(one.q), units.joints, strict=True)]
+        values = [f"{fixed(value, 5)} {unit}" for value, unit in zip(units.write(one.q), units.joints, strict=True)]
         out.print("\n".join(columns(joint_entries(robot.joint_names, values), out.width, len(values))))

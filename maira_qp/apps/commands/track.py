@@ -19,7 +19,7 @@ from maira_qp.apps.arguments.standard_streams import STANDARD, beside, name_and_
 from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.errors import OptionError, PoseError
 from maira_qp.problem.options import Options
-from maira_qp.wording import in_units
+from maira_qp.wording import figures, fixed, in_units
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -370,7 +370,7 @@ def _show(path: PathSolution, trajectory: Trajectory | None, found: dict[str, An
     steps, allowed = units.write(found["largest_steps"]), units.write(found["allowed_steps"])
     low, high = units.write(path.q.min(axis=0)), units.write(path.q.max(axis=0))
     for i, name in enumerate(path.joint_names):
-        numbers = f"{low[i]:.4f}", f"{high[i]:.4f} {units.joints[i]}", f"{steps[i]:.4f}", f"{allowed[i]:.4g}"
+        numbers = fixed(low[i], 4), f"{fixed(high[i], 4)} {units.joints[i]}", f"{steps[i]:.4f}", f"{allowed[i]:.4g}"
         joints.add_row(folded(name), *numbers)
     out.print(joints)
     table = Table(show_header=False)
@@ -387,7 +387,7 @@ def _show(path: PathSolution, trajectory: Trajectory | None, found: dict[str, An
         table.add_row("speed of the tool", f"at most {trajectory.tool_speed.max() * metre:.4g} {units.length}/s")
     elif found["not_timed"]:
         table.add_row("not timed", "only a path without a gap is; no joint values are written")
-    table.add_row("time", f"{found['seconds']:.3g} s")
+    table.add_row("time", f"{figures(found['seconds'])} s")
     out.print(table)
     for file in found["files"]:
         out.print(f"written: {file}", soft_wrap=True)

@@ -24,7 +24,7 @@ from maira_qp.io.save import TableUnits
 from maira_qp.results.path_solution import PathSolution
 from maira_qp.solvers.paths.closed import check_closed
 from maira_qp.solvers.solver import Solver
-from maira_qp.wording import in_units
+from maira_qp.wording import figures, in_units
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,7 +164,7 @@ def _show(summary: dict[str, Any], units: Units, out: Console) -> None:
     table.add_row("reconfigurations", str(summary["reconfigurations"]))
     for heading, error in units.errors(summary["worst_position_error"], summary["worst_orientation_error"]):
         table.add_row(f"worst {heading}", error)
-    table.add_row("time", f"{summary['seconds']:.3g} s, {summary['poses_per_second']:,.0f} poses per second")
+    table.add_row("time", f"{figures(summary['seconds'])} s, {summary['poses_per_second']:,.0f} poses per second")
     table.add_row("answers", summary["output"])
     out.print(table)
     for hint in summary["hints"]:

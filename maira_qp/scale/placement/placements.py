@@ -22,6 +22,7 @@ from maira_qp.results.batch import BatchSolution
 from maira_qp.results.status import Reach, reach_of
 from maira_qp.robots.model.robot import Robot
 from maira_qp.scale.placement.candidates import poses_of_bases
+from maira_qp.wording import fixed
 
 FORMATS = (".csv", ".json")
 LINES = 10
@@ -158,7 +159,7 @@ class Placements(Shown, Sequence[Placement]):
     def _card(self) -> Card:
         headings = ("rank", "reached", "x [m]", "y [m]", "z [m]", "yaw [rad]", "least", "mean")
         rows = [
-            (str(k), f"{each.reached}", *(f"{value:.3f}" for value in (*each.values, each.least, each.mean)))
+            (str(k), f"{each.reached}", *(fixed(value, 3) for value in (*each.values, each.least, each.mean)))
             for k, each in enumerate(self, start=1)
         ]
         lines = ["".join(f"{cell:>10}" for cell in row) for row in (headings, *rows[:LINES])]

@@ -24,6 +24,7 @@ from maira_qp.results.status import TrackerState
 from maira_qp.robots.model.joint_values import joint_array
 from maira_qp.solvers.solver import Solver
 from maira_qp.solvers.streaming.clutch import Clutch
+from maira_qp.wording import fixed
 
 if TYPE_CHECKING:
     from maira_qp.solvers.streaming.hands import Hands
@@ -168,9 +169,9 @@ class Tracker(Shown):
         return Card(
             title=f"Tracker of {self._solver.robot.title}",
             facts=(("clutch", clutch), ("held", self._hold)),
-            entries=joint_entries(self._solver.robot.joint_names, [f"{value:.4f}" for value in self._q]),
+            entries=joint_entries(self._solver.robot.joint_names, [fixed(value, 4) for value in self._q]),
             headings=("joint", "q"),
-            rows=[(name, f"{q:.4f}") for name, q in zip(self._solver.robot.joint_names, self._q, strict=True)],
+            rows=[(name, fixed(q, 4)) for name, q in zip(self._solver.robot.joint_names, self._q, strict=True)],
         )
 
     def engage(self) -> None:

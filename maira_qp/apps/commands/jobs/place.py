@@ -19,6 +19,7 @@ from maira_qp.apps.arguments.standard_streams import name_and_stream
 from maira_qp.apps.commands.view import check_viser, serve
 from maira_qp.apps.left_pipes import reader_may_leave
 from maira_qp.errors import OptionError, PoseError
+from maira_qp.wording import figures
 
 if TYPE_CHECKING:
     from maira_qp.robots.model.robot import Robot
@@ -193,11 +194,11 @@ def _show(found: Placements, units: Any, said: dict[str, Any]) -> None:
     for k, each in enumerate(found, start=1):
         place = [*(each.values[:3] * units.metre), each.values[3] * units.radian]
         row = [str(each.reached), str(each.unreachable), *(f"{value:.4g}" for value in place)]
-        table.add_row(str(k), *row, *("" if np.isnan(v) else f"{v:.3g}" for v in (each.least, each.mean)))
+        table.add_row(str(k), *row, *("" if np.isnan(v) else figures(v) for v in (each.least, each.mean)))
     for column in table.columns:
         column.justify = "right"
     out.print(table)
     out.print(f"no: proved to be out of reach; least and mean of: {found.quality.replace('_', ' ')}")
-    out.print(f"{found.estimates.size} bases compared in {said['seconds']:.3g} s")
+    out.print(f"{found.estimates.size} bases compared in {figures(said['seconds'])} s")
     for file in said["files"]:
         out.print(f"written: {file}", soft_wrap=True)

@@ -18,7 +18,7 @@ from maira_qp.apps.viewer.view import Standing, View, limits_at
 from maira_qp.results.status import Status
 from maira_qp.robots.model.robot import Robot
 from maira_qp.solvers.analysis.explanation import Explanation
-from maira_qp.wording import in_units
+from maira_qp.wording import figures, in_units
 
 GOOD, POOR, BAD, QUIET = "#1a7f4b", "#b26a00", "#c92a2a", "#5c6670"
 SINGULAR = 1e6
@@ -96,7 +96,7 @@ def solutions(session: Session, view: View) -> str:
     rows = "".join(
         f'<tr><td><span style="display:inline-block;width:0.8em;height:0.8em;border-radius:50%;'
         f'background:rgb{ghost_colour(rank)}"></span></td>'
-        f'<td style="padding:0 1em 0 0.4em">{escape(name)}</td><td>cost {one.cost:.3g}</td></tr>'
+        f'<td style="padding:0 1em 0 0.4em">{escape(name)}</td><td>cost {figures(one.cost)}</td></tr>'
         for name, rank, one in zip(ghosts.names, ghosts.ranks.tolist(), ghosts.shown, strict=True)
     )
     return f'{head}<table style="margin:0.3em 0.75em;font-size:0.8em;font-variant-numeric:tabular-nums">{rows}</table>'
