@@ -139,7 +139,7 @@ def follow(
         best, least = _bettered(path, best, fixed, partial(line, layering=layering))
         if best is not None and least <= 1.0 and _is_calm(path, best):
             return Followed(best, layering)
-    if best is None and begun is None:
+    if least > 1.0 and begun is None:
         roots, windows = layering.line(path).roots, layering.windows(path)
         layers = layers_from(path, layering.at, roots, windows, DENSITIES[-1], rng)
         if len(layers) == len(layering.at):

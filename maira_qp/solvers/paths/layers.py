@@ -131,7 +131,8 @@ def layers_from(
     robot, layers = path.problem.robot, [roots]
     for index, window in zip(at[1:].tolist(), windows, strict=True):
         before, here = layers[-1], np.empty((0, path.n))
-        starts = np.concatenate([before, *_aside(before, rng)])
+        few = np.resize(before, (max(len(before), density.most), path.n))
+        starts = np.concatenate([before, *_aside(few, rng)])
         for _ in range(2):
             found, arrived = path.descend(np.full(len(starts), index), starts)
             here = np.concatenate([here, found[arrived]])

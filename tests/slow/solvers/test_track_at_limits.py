@@ -49,6 +49,7 @@ def test_a_motion_that_ends_in_a_corner_of_limits_with_turns_is_followed_from_it
         ("xarm7", (2000, 556), True),
         ("xarm7", (2000, 735), True),
         ("maira", (2000, 91), True),
+        ("maira", (2000, 899), True),
         ("maira", (2000, 95), True),
         ("maira", (2000, 707), False),
         ("talos_arm", (2000, 575), True),
