@@ -13,6 +13,7 @@ import tyro
 
 from maira_qp.apps.arguments.optional import Maybe, explained
 from maira_qp.errors import OptionError
+from maira_qp.wording import figures
 
 if TYPE_CHECKING:
     from maira_qp.scale.job import Job
@@ -104,7 +105,7 @@ def show(said: dict[str, Any], title: str) -> None:
 
     out, table = console(), Table(show_header=False)
     for name, value in said.items():
-        text = f"{value:,.4g}" if isinstance(value, float) else f"{value:,}" if type(value) is int else str(value)
+        text = figures(value) if isinstance(value, float) else f"{value:,}" if type(value) is int else str(value)
         table.add_row(name.replace("_", " "), text)
     out.print(title, style="bold green" if said.get("finished", True) else "bold yellow")
     out.print(table)
