@@ -54,17 +54,19 @@ def is_continuous(path: PathArrays, begin: np.ndarray, a: np.ndarray, b: np.ndar
     return continuous
 
 
-def misleading(path: PathArrays, at: np.ndarray, layers: list[np.ndarray], layer: int, window: np.ndarray) -> set[Edge]:
+def misleading(
+    path: PathArrays, at: np.ndarray, layers: list[np.ndarray], layer: int, window: np.ndarray, near: np.ndarray
+) -> set[Edge]:
     """The links from one layer to the next, within a window (n,), that do not lead along the path.
 
     From straight lines between the two configurations descents to the poses in between have to arrive, without a step
-    beyond the path's window and without a jump.
+    beyond the path's window and without a jump; joints are at the turns of one configuration `near` (n,).
     """
     turns, first = path.problem.turns, sum(map(len, layers[: layer - 1]))
     moved = turns.shortest(layers[layer][None] - layers[layer - 1][:, None])
     k, j = np.nonzero((np.abs(moved) <= window).all(axis=2))
     a, moved = layers[layer - 1][k], moved[k, j]
-    a = a + turns.room_for(np.minimum(a, a + moved), np.maximum(a, a + moved))
+    a = a + turns.room_near(np.minimum(a, a + moved), np.maximum(a, a + moved), near - a)
     poses = np.arange(at[layer - 1], at[layer] + 1)
     share = (path.place[poses] - path.place[poses[0]]) / (path.place[poses[-1]] - path.place[poses[0]])
     q = a[:, None] + share[:, None] * moved[:, None]

@@ -279,7 +279,7 @@ def _continuous_line(path: PathArrays, layering: Layering) -> np.ndarray | None:
         for k in np.unique(np.searchsorted(at, amiss)).tolist():
             forbidden |= {line.edge(k)}
             if repair:
-                forbidden |= misleading(path, at, layering.layers, k, windows[k - 1])
+                forbidden |= misleading(path, at, layering.layers, k, windows[k - 1], line.q[k - 1])
     return None
 
 

@@ -42,9 +42,9 @@ def test_links_that_jump_are_told_from_those_that_lead_on():
     at = np.array([0, 3, 6])
     layers = [np.array([bent[k], flipped[k]]) for k in at]
     window = np.full(2, 1.0)
-    assert misleading(path, at, layers, 1, window) == {(0, 3), (1, 2)}
-    assert misleading(path, at, layers, 2, window) == {(2, 5), (3, 4)}
-    assert misleading(path, at, layers, 1, np.full(2, 0.1)) == set()
+    assert misleading(path, at, layers, 1, window, bent[0]) == {(0, 3), (1, 2)}
+    assert misleading(path, at, layers, 2, window, bent[3]) == {(2, 5), (3, 4)}
+    assert misleading(path, at, layers, 1, np.full(2, 0.1), bent[0]) == set()
 
 
 def end_of_self_motion(path: PathArrays, q: np.ndarray, sign: float, far: float) -> np.ndarray | None:

@@ -45,6 +45,7 @@ def test_a_motion_that_ends_in_a_corner_of_limits_with_turns_is_followed_from_it
         ("xarm7", (2000, 89), False),
         ("xarm7", (2000, 91), True),
         ("xarm7", (2000, 195), True),
+        ("xarm7", (2000, 286), True),
         ("xarm7", (2000, 359), True),
         ("xarm7", (2000, 556), True),
         ("xarm7", (2000, 735), True),
