@@ -297,11 +297,36 @@ def _widest(path: PathArrays) -> np.ndarray:
 
 
 def _with_reconfigurations(path: PathArrays, known: np.ndarray, layering: Layering) -> np.ndarray:
-    """A line (N, n) with the fewest reconfigurations: before each it is followed pose by pose as far as that goes.
+    """A line (N, n) with as few reconfigurations as were found: links that turn out to be more of them are not taken
+    again, and, if they were not the first, none between their layers that do not lead along the path."""
+    at, windows, forbidden = layering.at, layering.windows(path), frozenset[Edge]()
+    best, fewest = known, np.inf
+    for repair in range(REPAIRS):
+        line = layering.line(path, forbidden)
+        if line.reconfigurations >= fewest:
+            break
+        q = _broken_up(path, known, at, line.q)
+        breaks = np.union1d(np.flatnonzero(path.largest_steps(q) > 1.0 + ROUNDING) + 1, _jumps(path, q))
+        if len(breaks) < fewest:
+            best, fewest = q, len(breaks)
+        is_link = (np.abs(np.diff(line.q, axis=0)) <= windows * (1.0 + ROUNDING)).all(axis=1)
+        amiss = np.unique(np.searchsorted(at, breaks))
+        amiss = amiss[is_link[amiss - 1]]
+        if not len(amiss):
+            break
+        for k in amiss.tolist():
+            forbidden |= {line.edge(k)}
+            if repair:
+                forbidden |= misleading(path, at, layering.layers, k, windows[k - 1])
+    return best
+
+
+def _broken_up(path: PathArrays, known: np.ndarray, at: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """A line (N, n) through configurations (L, n) at the poses `at`: before each reconfiguration it is followed pose by
+    pose as far as that goes.
 
     What is lost on the way there and back is as it is `known` (N, n).
     """
-    at, knots = layering.at, layering.line(path).q
     q, arrived = filled(path, at, knots)
     for k, (left, right) in enumerate(pairwise(at.tolist())):
         some = slice(left, right + 1)

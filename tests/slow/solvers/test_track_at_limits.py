@@ -1,4 +1,5 @@
-"""Paths of motions that stand on limits, go through the whole range of joints with turns, or pass singular poses."""
+"""Paths of motions that stand on limits, go through the whole range of joints with turns, pass singular poses, or
+break."""
 
 import numpy as np
 import pytest
@@ -88,3 +89,17 @@ def test_no_large_step_stands_in_the_place_of_many_small_ones():
     p = mq.Solver(robot).track([robot.forward(q) for q in motion])
     assert p
     assert p.max_joint_step < 3 * np.abs(np.diff(motion, axis=0)).max()
+
+
+def test_links_that_do_not_lead_are_no_more_reconfigurations():
+    """Two motions from branch to branch at one pose: one reconfiguration is enough, wherever links of layers jump."""
+    robot, rng = load("kr210"), np.random.default_rng(5)
+    first, second = rng.uniform(robot.lower, robot.upper, (2, 4, 6))
+    solver, middle = mq.Solver(robot), robot.forward(first[3])
+    others = [solver.solve(middle, seed=seed).q for seed in range(6)]
+    second[0] = max(others, key=lambda q: np.abs(q - first[3]).max())
+    motion = np.concatenate([bezier(first, 1000), bezier(second, 1000)])
+    p = solver.track([robot.forward(q) for q in motion], max_step=0.03, max_reconfigurations=1)
+    assert p, p.reason
+    assert p.success.all()
+    assert p.reconfigurations == 1
