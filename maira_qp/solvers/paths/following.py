@@ -8,7 +8,7 @@ they are made again finer, and in the end at all poses about there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
@@ -65,43 +65,6 @@ class Layering:
         """How far (L - 1, n) each joint may move from layer to layer."""
         return np.minimum(path.some(self.at).windows, _widest(path))
 
-    def by_place(self, path: PathArrays) -> dict[int, np.ndarray]:
-        """The layers by the places of their poses in the whole path."""
-        return dict(zip(path.place[self.at].tolist(), self.layers, strict=True))
-
-
-@dataclass(frozen=True, eq=False)
-class Begun:
-    """What was begun of a path, at some of its poses."""
-
-    layers: dict[int, np.ndarray]
-    """Configurations (M, n) by the place of their pose in the whole path"""
-    breaks: np.ndarray
-    """(K,) places to which no line was found that leads there"""
-
-    def indices(self, path: PathArrays) -> np.ndarray:
-        """Indices (L,) of the poses of a path, or of a part of it, that have layers or are about what is broken."""
-        about = np.abs(path.place[:, None] - self.breaks).min(axis=1, initial=len(path)) <= CLOSE
-        there = about | np.isin(path.place, np.fromiter(self.layers, dtype=np.int64))
-        there[[0, -1]] = True
-        return np.flatnonzero(there)
-
-
-@dataclass(frozen=True, eq=False)
-class Followed:
-    """A line along a path, and the layers that it was found in."""
-
-    q: np.ndarray
-    """(N, n)"""
-    layering: Layering | None = None
-
-    def begun(self, path: PathArrays) -> Begun | None:
-        """What was begun, if the line is broken."""
-        breaks = np.flatnonzero(path.largest_steps(self.q) > 1.0 + ROUNDING) + 1
-        if self.layering is None or not len(breaks):
-            return None
-        return Begun(self.layering.by_place(path), path.place[breaks])
-
 
 def follow(
     path: PathArrays,
@@ -109,8 +72,8 @@ def follow(
     is_start_given: bool,
     is_loop: bool,
     rng: np.random.Generator,
-    begun: Begun | None = None,
-) -> Followed:
+    densities: Sequence[Density] = DENSITIES,
+) -> np.ndarray:
     """Configurations (N, n) along a path, with as few steps beyond the window as were found.
 
     Args:
@@ -119,44 +82,41 @@ def follow(
         is_start_given: the first of them is that of the path.
         is_loop: the last is to be the first again.
         rng: of the configurations that are drawn.
-        begun: layers at some of the poses; at others there are some only where it is broken.
+        densities: of the layers, tried one after the other.
     """
     if len(path) < 2:
-        return Followed(known)
+        return known
     nodes, fixed = [each[None] for each in known], (is_start_given or is_loop, is_loop)
     if is_start_given:
         for k, q in enumerate(_continued(path, known[0])):
             nodes[k + 1] = np.concatenate([q[None], nodes[k + 1]])
 
-    if begun is None:
-        plans, made = [(layer_indices(path, density.spacing), density) for density in DENSITIES], {}
-    else:
-        plans, made = [(begun.indices(path), DENSITIES[-1])], begun.layers
     best, least, line = None, np.inf, _loop if is_loop else _continuous_line
     layering = Layering(np.arange(0), [], is_start_given)
-    for at, density in plans:
-        layering = Layering(at, layers_of(path, at, nodes, is_start_given, density, rng, made), is_start_given)
+    for density in densities:
+        at = layer_indices(path, density.spacing)
+        layering = Layering(at, layers_of(path, at, nodes, is_start_given, density, rng), is_start_given)
         best, least = _bettered(path, best, fixed, partial(line, layering=layering))
         if best is not None and least <= 1.0 and _is_calm(path, best):
-            return Followed(best, layering)
-    if least > 1.0 and begun is None:
+            return best
+    if least > 1.0:
         roots, windows = layering.line(path).roots, layering.windows(path)
-        layers = layers_from(path, layering.at, roots, windows, DENSITIES[-1], rng)
+        layers = layers_from(path, layering.at, roots, windows, densities[-1], rng)
         if len(layers) == len(layering.at):
             layering = replace(layering, layers=layers)
             best, least = _bettered(path, best, fixed, partial(line, layering=layering))
             if best is not None and least <= 1.0 and _is_calm(path, best):
-                return Followed(best, layering)
+                return best
     if best is not None:
         at = _with_all_about(layering.at, path, int(path.largest_steps(best).argmax()))
-        layering = Layering(at, layers_of(path, at, nodes, is_start_given, DENSITIES[-1], rng, {}), is_start_given)
+        layering = Layering(at, layers_of(path, at, nodes, is_start_given, densities[-1], rng), is_start_given)
         best, least = _calmed(path, best, fixed, partial(line, layering=layering))
         if least <= 1.0:
-            return Followed(best, layering)
+            return best
     broken_up = _with_reconfigurations(path, known, layering)
     if best is None or _breaks(path, broken_up) < _breaks(path, best):
         best = broken_up
-    return Followed(best, layering)
+    return best
 
 
 def _bettered(
@@ -309,7 +269,7 @@ def _with_reconfigurations(path: PathArrays, known: np.ndarray, layering: Layeri
         breaks = np.union1d(np.flatnonzero(path.largest_steps(q) > 1.0 + ROUNDING) + 1, _jumps(path, q))
         if len(breaks) < fewest:
             best, fewest = q, len(breaks)
-        is_link = (np.abs(np.diff(line.q, axis=0)) <= windows * (1.0 + ROUNDING)).all(axis=1)
+        is_link = np.asarray((np.abs(np.diff(line.q, axis=0)) <= windows * (1.0 + ROUNDING)).all(axis=1))
         amiss = np.unique(np.searchsorted(at, breaks))
         amiss = amiss[is_link[amiss - 1]]
         if not len(amiss):
@@ -317,7 +277,7 @@ def _with_reconfigurations(path: PathArrays, known: np.ndarray, layering: Layeri
         for k in amiss.tolist():
             forbidden |= {line.edge(k)}
             if repair:
-                forbidden |= misleading(path, at, layering.layers, k, windows[k - 1])
+                forbidden |= misleading(path, at, layering.layers, k, windows[k - 1], line.q[k - 1])
     return best
 
 

@@ -7,7 +7,6 @@ follows is followed by descents, and no branch has a label: labels flip where a 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,18 +77,16 @@ def layers_of(
     is_start_given: bool,
     density: Density,
     rng: np.random.Generator,
-    made: Mapping[int, np.ndarray],
 ) -> list[np.ndarray]:
     """Configurations (M_l, n) that reach the poses `at` (L,), an array a layer.
 
     Each holds the known ones (k, n) of its pose, of N poses; where the start is given, the first holds no other. Joints
-    whose range is a turn or more are at one turn. Layers that were `made` before stay, by the place of their pose.
+    whose range is a turn or more are at one turn.
     """
     layers, before = [], np.empty((0, path.n))
-    places = path.place[at].tolist()
-    for index, place in zip(at.tolist(), places, strict=True):
-        here = made[place] if place in made else known[index]
-        if place not in made and (layers or not is_start_given):
+    for index in at.tolist():
+        here = known[index]
+        if layers or not is_start_given:
             is_redundant = path.n > path.rank  # else its configurations are few, and none leads to another
             fresh = density.fresh * (1 if layers and is_redundant else FIRST_TIMES)
             starts = [_held_up(path, before), before, *_aside(before, rng), _anywhere(path, fresh, rng)]
@@ -104,8 +101,6 @@ def layers_of(
         before = here
     if density.is_thorough:
         for k in range(len(layers) - 2, 0 if is_start_given else -1, -1):
-            if places[k] in made:
-                continue
             starts = np.concatenate([_held_up(path, layers[k + 1]), layers[k + 1]])
             found, arrived = path.descend(np.full(len(starts), at[k]), starts)
             layers[k] = _merged(path, at[k], layers[k], found[arrived], density)

@@ -1,8 +1,7 @@
 """Follow a path of poses: first the way along branches and self-motions, for the whole path, then each of its poses.
 
 Some poses along the path, the knots, stand for all: a line is sought through them (`following.py`), and filled to all
-poses. Where it is broken between knots, it is sought at all poses about there too, in the layers that were made before;
-where the filled line does not follow the path, every pose is a knot.
+poses. Where the knots were too coarse, every pose is one.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from maira_qp.solvers.paths.corridor import filled
 from maira_qp.solvers.paths.descents import PathArrays
 from maira_qp.solvers.paths.evenness import drawn_to
 from maira_qp.solvers.paths.failures import ROUNDING, broken, loop_gap, missed, open_end
-from maira_qp.solvers.paths.following import Begun, follow
+from maira_qp.solvers.paths.following import DENSITIES, follow
 from maira_qp.solvers.paths.free_axis import free_axis, start_with_joint, without_turning
 from maira_qp.solvers.paths.layers import layer_indices
 from maira_qp.solvers.paths.meter import Meter, Progress
@@ -64,23 +63,25 @@ def _track(
     rng, first = np.random.default_rng(seed), None
     if start is not None and count:
         first = following.solve(targets.poses(0), start, SEED_0)
-    by_knots, begun = _followed_by_knots(following, path, targets, first, seed, rules.loop, rng, meter)
-    if by_knots is not None:
-        solution = _judged(engines, path, by_knots, rules)
-        if solution.success.all() and not solution.failures:
-            return solution
+    by_knots, is_broken = _followed_by_knots(following, path, targets, first, seed, rules.loop, rng, meter)
+    first_try = None if by_knots is None else _judged(engines, path, by_knots, rules)
+    if first_try is not None and first_try.success.all() and not first_try.failures:
+        return first_try
     q, reached = _alone(following, targets, first, np.arange(count), seed, meter.stage(KNOTS_DONE, ALONE_DONE))
-    parts_done = meter.stage(ALONE_DONE, PARTS_DONE)
+    parts_done, densities = meter.stage(ALONE_DONE, PARTS_DONE), DENSITIES[-1:] if is_broken else DENSITIES
     for begin, end in runs(reached):
         parts_done(begin, count)
         part, is_start_given = path.some(slice(begin, end)), begin == 0 and first is not None
         is_loop = rules.loop and end - begin == count
-        line = follow(part, q[begin:end], is_start_given, is_loop, rng, begun).q
+        line = follow(part, q[begin:end], is_start_given, is_loop, rng, densities)
         q[begin:end] = _drawn(part, line, is_start_given, is_loop)
     others = _nearest(following, path, targets, q, start, meter.stage(PARTS_DONE, 1.0))
     if rules.loop and count:
         _close(path, q)
-    return _judged(engines, path, q, rules, others)
+    solution = _judged(engines, path, q, rules, others)
+    if first_try is not None and first_try.success.all() and len(first_try.failures) < len(solution.failures):
+        return first_try
+    return solution
 
 
 def _as_followed(
@@ -155,23 +156,22 @@ def _followed_by_knots(
     is_loop: bool,
     rng: np.random.Generator,
     meter: Meter,
-) -> tuple[np.ndarray | None, Begun | None]:
-    """A line (N, n) that is sought at knots alone, and, if it is broken between some, what was begun there.
+) -> tuple[np.ndarray | None, bool]:
+    """A line (N, n) that is sought at knots alone, and whether it is broken between some.
 
-    No line: they are as many as the poses, or not all are reached.
+    None: they are as many as the poses, or not all are reached.
     """
     knots = layer_indices(path, KNOTS)
     if 2 * len(knots) > len(path):
-        return None, None
+        return None, False
     known, reached = _alone(engines, targets, start, knots, seed, meter.stage(0.0, 0.5 * KNOTS_DONE))
     if not reached.all():
-        return None, None
+        return None, False
     some = path.some(knots)
-    found = follow(some, known, start is not None, is_loop, rng)
-    line = _drawn(some, found.q, start is not None, is_loop)
+    line = _drawn(some, follow(some, known, start is not None, is_loop, rng), start is not None, is_loop)
     meter.reach(KNOTS_DONE)
     q, arrived = filled(path, knots, line, CubicSpline)
-    return q if arrived.all() else filled(path, knots, line)[0], found.begun(some)
+    return q if arrived.all() else filled(path, knots, line)[0], bool((some.largest_steps(line) > 1.0 + ROUNDING).any())
 
 
 def _judged(

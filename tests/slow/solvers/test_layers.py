@@ -73,7 +73,7 @@ def test_thorough_layers_hold_where_self_motions_end_at_limits():
     start = robot.lower + (robot.upper - robot.lower) * rng.uniform(0.2, 0.8, size=7)
     path = path_of(robot, start + np.linspace(0.0, 0.1, 3)[:, None] * rng.normal(size=7), 0.5)
     density = Density(spacing=0.01, most=200, fresh=60, cell=0.1, is_thorough=True)
-    *_, layer = layers_of(path, np.arange(3), [np.empty((0, 7))] * 3, False, density, rng, {})
+    *_, layer = layers_of(path, np.arange(3), [np.empty((0, 7))] * 3, False, density, rng)
     ends = [end_of_self_motion(path, q, sign, 0.25) for q in layer[:120] for sign in (-1.0, 1.0)]
     found = [
         np.abs(path.problem.turns.shortest(layer - end)).max(axis=1).min() < 1e-3 for end in ends if end is not None
@@ -109,7 +109,7 @@ def test_what_a_layer_holds_is_followed_back_to_a_singular_pose():
     for is_thorough in (False, True):
         density = Density(spacing=0.1, most=150, fresh=16, cell=0.15, is_thorough=is_thorough)
         at = layer_indices(path, density.spacing)
-        first, second, *_ = layers_of(path, at, nodes, False, density, np.random.default_rng(0), {})
+        first, second, *_ = layers_of(path, at, nodes, False, density, np.random.default_rng(0))
         leading.append((np.abs(second[:, None] - first).max(axis=2).min(axis=1) < 0.2).mean())
     assert leading[0] < leading[1]
     assert leading[1] > 0.6
