@@ -178,13 +178,13 @@ def test_data_by_name_are_given_in_the_frame_or_room_too(arm, rng):
     eye, want = arm.forward(q, "link5"), solver.solve(target, q)
     for given, T in (({"base": ROOM}, ROOM), ({"in_frame": "link5"}, eye.inverse())):
         moved = {"hand": T * goal, "gaze": T * point, "up": T.rotation @ direction}
-        np.testing.assert_allclose(solver.solve(moved, q, **given).q, want.q, atol=1e-7)
-        np.testing.assert_allclose(solver.solve(moved, np.array([q]), **given).q, want.q, atol=1e-7)
+        np.testing.assert_allclose(solver.solve(moved, q, **given).q, want.q, atol=1e-5)
+        np.testing.assert_allclose(solver.solve(moved, np.array([q]), **given).q, want.q, atol=1e-5)
         a, b = solver.step(q, moved, 0.01, **given), solver.step(q, target, 0.01)
         np.testing.assert_allclose(a.q, b.q, atol=1e-10)
     moved = {"hand": ROOM * goal, "gaze": ROOM * point, "up": ROOM.rotation @ direction}
     for many in ({key: [value] for key, value in moved.items()}, [moved]):
-        np.testing.assert_allclose(solver.solve_batch(many, q, base=ROOM).q, [want.q], atol=1e-7)
+        np.testing.assert_allclose(solver.solve_batch(many, q, base=ROOM).q, [want.q], atol=1e-5)
 
 
 def test_what_stands_in_no_base_is_not_moved(rng):
@@ -199,7 +199,7 @@ def test_what_stands_in_no_base_is_not_moved(rng):
     solver, q = mq.Solver(four, task=mq.PositionTask(), redundancy=mq.Strict(mq.Posture())), four.middle + 0.3
     targets = {"tool0": [four.forward(q)] * 4, "posture": rng.uniform(-1, 1, (4, 4))}
     moved = {**targets, "tool0": [ROOM * four.forward(q)] * 4}
-    np.testing.assert_allclose(solver.solve_batch(moved, base=ROOM).q, solver.solve_batch(targets).q, atol=1e-7)
+    np.testing.assert_allclose(solver.solve_batch(moved, base=ROOM).q, solver.solve_batch(targets).q, atol=1e-6)
 
 
 @pytest.mark.parametrize("base", ["x", {}, 3])
