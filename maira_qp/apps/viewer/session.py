@@ -117,7 +117,8 @@ class Session:
         self.arm.start(Swivel(self.robot, elbow, psi))
 
     def go_home(self) -> None:
-        """The arm goes to where it began, and the targets with it."""
+        """The arm goes to where it began, and the targets with it; `undo` leads back even if the arm was on its way."""
+        self._history.rest(Moment(self.q, self.targets))
         self._go_to(Moment(self.home, tools_at(self.robot, self.home)))
 
     def undo(self) -> None:

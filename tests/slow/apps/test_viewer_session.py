@@ -53,6 +53,19 @@ def test_the_arm_follows_the_target_wherever_it_can_be_reached(name, rng, reques
         assert np.abs(mq.pose_error(robot.forward(session.q), T)).max() < 1e-6
 
 
+def test_home_can_be_undone_before_the_arm_came_to_rest_on_its_way(maira):
+    session = Session(maira)
+    session.move_target((session.target * mq.pose([0.05, 0.02, -0.1])).homogeneous)
+    run(session, 0.1)
+    asked = session.target
+    session.go_home()
+    run(session, 6.0)
+    session.undo()
+    np.testing.assert_array_equal(session.target.homogeneous, asked.homogeneous)
+    run(session, 6.0)
+    assert np.abs(mq.pose_error(asked, maira.forward(session.q))).max() < 1e-5
+
+
 def test_a_target_out_of_reach_is_told_and_the_arm_rests_at_the_nearest_point(maira):
     session = Session(maira)
     session.move_target(mq.pose([1000.0, 0.0, 0.4]).homogeneous)
