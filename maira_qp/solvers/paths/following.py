@@ -114,7 +114,7 @@ def follow(
         if least <= 1.0:
             return best
     broken_up = _with_reconfigurations(path, known, layering)
-    if best is None or _breaks(path, broken_up) < _breaks(path, best):
+    if best is None or breaks(path, broken_up) < breaks(path, best):
         best = broken_up
     return best
 
@@ -186,7 +186,7 @@ def _is_calm(path: PathArrays, q: np.ndarray) -> bool:
     return bool(steps.max() <= CALM * steps.mean())
 
 
-def _breaks(path: PathArrays, q: np.ndarray) -> int:
+def breaks(path: PathArrays, q: np.ndarray) -> int:
     """How many steps of a line (N, n) are larger than allowed."""
     return int((path.largest_steps(q) > 1.0 + ROUNDING).sum())
 
@@ -266,11 +266,11 @@ def _with_reconfigurations(path: PathArrays, known: np.ndarray, layering: Layeri
         if line.reconfigurations >= fewest:
             break
         q = _broken_up(path, known, at, line.q)
-        breaks = np.union1d(np.flatnonzero(path.largest_steps(q) > 1.0 + ROUNDING) + 1, _jumps(path, q))
-        if len(breaks) < fewest:
-            best, fewest = q, len(breaks)
+        amiss = np.union1d(np.flatnonzero(path.largest_steps(q) > 1.0 + ROUNDING) + 1, _jumps(path, q))
+        if len(amiss) < fewest:
+            best, fewest = q, len(amiss)
         is_link = np.asarray((np.abs(np.diff(line.q, axis=0)) <= windows * (1.0 + ROUNDING)).all(axis=1))
-        amiss = np.unique(np.searchsorted(at, breaks))
+        amiss = np.unique(np.searchsorted(at, amiss))
         amiss = amiss[is_link[amiss - 1]]
         if not len(amiss):
             break

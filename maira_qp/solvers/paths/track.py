@@ -16,12 +16,13 @@ from maira_qp.problem.problem import Problem
 from maira_qp.problem.targets import SEED_0, Targets, seed_words
 from maira_qp.results.path_solution import PathSolution, Rules
 from maira_qp.results.solution import Solution
+from maira_qp.results.status import Status
 from maira_qp.solvers.paths.continuity import is_continuous
 from maira_qp.solvers.paths.corridor import filled
 from maira_qp.solvers.paths.descents import PathArrays
 from maira_qp.solvers.paths.evenness import drawn_to
 from maira_qp.solvers.paths.failures import ROUNDING, broken, loop_gap, missed, open_end
-from maira_qp.solvers.paths.following import DENSITIES, follow
+from maira_qp.solvers.paths.following import DENSITIES, breaks, follow
 from maira_qp.solvers.paths.free_axis import free_axis, start_with_joint, without_turning
 from maira_qp.solvers.paths.layers import layer_indices
 from maira_qp.solvers.paths.meter import Meter, Progress
@@ -132,13 +133,14 @@ def _alone(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Configurations (K, n) at the poses `which` (K,), solved for by themselves, and whether they reach them (K,).
 
-    Poses that are not reached so are tried from those of their neighbours that are.
+    Poses that are not reached so, and not proved out of reach, are tried from those of their neighbours that are.
     """
     alone = engines.solve_batch(targets[which], None, seed_words(seed), None, progress)
     q, reached = alone.q.copy(), alone.success.copy()
     if start is not None:
         q[0], reached[0] = start.q, start.success
-    lost, first = np.flatnonzero(~reached), 0 if start is None else 1
+    lost = np.flatnonzero(~reached & (alone.status != Status.UNREACHABLE))
+    first = 0 if start is None else 1
     for ks, step in ((lost, 1), (lost[::-1], -1)):
         for k in ks[ks >= first].tolist():
             if not reached[k] and 0 <= k - step < len(q) and reached[k - step]:
@@ -171,7 +173,7 @@ def _followed_by_knots(
     line = _drawn(some, follow(some, known, start is not None, is_loop, rng), start is not None, is_loop)
     meter.reach(KNOTS_DONE)
     q, arrived = filled(path, knots, line, CubicSpline)
-    return q if arrived.all() else filled(path, knots, line)[0], bool((some.largest_steps(line) > 1.0 + ROUNDING).any())
+    return q if arrived.all() else filled(path, knots, line)[0], breaks(some, line) > 0
 
 
 def _judged(
