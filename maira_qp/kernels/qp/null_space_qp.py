@@ -71,13 +71,15 @@ def solve_row_qp(H, c, k, Z, lower, upper, floats, integers, z, x):
         if rank < k:
             if not _newton_step(H, k, rank, Bt, tau, g, Y, M, F, v, step):
                 return False
-            blocking, side, share = _blocking_row(Z, k, lower, upper, step, x)
+            blocking, side, share = _blocking_row(Z, k, lower, upper, step, x, rows[:active])
             for p in range(k):
                 z[p] += share * step[p]
             for i in range(n):
                 x[i] = _row(Z, k, i, z)
             for a in range(active):
                 _put_on_its_bound(rows[a], sides[a], lower, upper, x)
+            if blocking >= 0 and active == k:
+                return False  # rounding took a row for independent that was not
             if blocking >= 0:
                 rows[active], sides[active] = blocking, side
                 _put_on_its_bound(blocking, side, lower, upper, x)
@@ -173,13 +175,15 @@ def _newton_step(H, k, rank, Bt, tau, g, Y, M, F, v, step):
 
 
 @device_kernel
-def _blocking_row(Z, k, lower, upper, step, x):
-    """The first row to meet a bound along the step, which one, and at what share of the step; -1 if none does."""
+def _blocking_row(Z, k, lower, upper, step, x, active):
+    """The first row not active to meet a bound along the step, which one, and at what share; -1 if none does."""
     blocking, side, share, longest = -1, 0, 1.0, 0.0
     for p in range(k):
         longest = max(longest, abs(step[p]))
     for i in range(len(x)):
         d = _row(Z, k, i, step)
+        for row in active:
+            d = 0.0 if row == i else d
         if d < -PARALLEL * longest and x[i] + share * d < lower[i]:
             blocking, side, share = i, Side.AT_LOWER, max((lower[i] - x[i]) / d, 0.0)
         elif d > PARALLEL * longest and x[i] + share * d > upper[i]:

@@ -260,6 +260,47 @@ def test_a_vertex_where_more_rows_meet_than_there_are_variables_is_left(rng):
         assert nnls(rows.T, -(z + c))[1] < 1e-9 if len(rows) else np.abs(z + c).max() < 1e-9
 
 
+def test_rows_that_rounding_takes_for_independent_do_not_overflow_the_active_set():
+    """Of a tick at limits: rooms of 1e-11 beside empty ones, and more rows than variables that seemed to be new."""
+    H, Z = np.zeros((5, 5)), np.zeros((7, 5))
+    H[np.triu_indices(5)] = [
+        1896.62339048,
+        6021.19102065,
+        -0.00130149577054,
+        5288.89255372,
+        1.79828742027e-14,
+        19151.1772583,
+        -0.0041391137501,
+        16821.1112964,
+        1.03702602999e-14,
+        2.83940284908,
+        -0.00363611671044,
+        3.12157283662e-22,
+        14780.1716016,
+        -1.77925044435e-14,
+        2.83940284818,
+    ]
+    Z[[0, 1, 2, 3, 5]] = [
+        [-0.350612802574, 0.392784345409, 0, -0.54902275047, 0],
+        [-0.836678630739, -0.308871657054, 0, 0.431731989018, 0],
+        [0.384954865017, -0.295182242572, 0, 0.412597316063, 0],
+        [-0.0988278938051, 0.685700173726, 0, 0.439319329068, 0],
+        [0.138138810049, 0.439319329069, 0, 0.385931977179, 0],
+    ]
+    Z[4, 2] = Z[6, 4] = 1.0
+    c, lower, upper = (
+        np.array([-0.760917719076, -0.275817209924, 8.86597531084e-16, 0.38552994433, 1.45578665616e-15]),
+        np.array([0, 0, 0, -0.0113754812337, -0.0314159265359, -0.0314159265359, -0.0314159265546]),
+        np.array(
+            [0.0628318530718, 0.0628318530718, 0.0628318530718, 0.0514563718381, 0, 1.06474466492e-11, 0.0314159265172]
+        ),
+    )
+    z, x, _ = row_qp(np.triu(H) + np.triu(H, 1).T, c, Z, lower, upper)
+    assert (x >= lower).all()
+    assert (x <= upper).all()
+    assert c @ z <= 0.0
+
+
 def test_an_indefinite_row_qp_is_told_and_stays_inside(rng):
     Z = np.linalg.qr(rng.normal(size=(7, 3)))[0]
     for H in (-np.eye(3), np.full((3, 3), np.nan)):
