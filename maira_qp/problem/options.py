@@ -21,7 +21,10 @@ class Options:
     orientation_tolerance: float = 1e-6
     """Solved only if the angle between the orientations <= orientation_tolerance [rad]; > 0."""
     stationarity_tolerance: float = 1e-6
-    """Optimal only if no entry of the projected gradient is larger; > 0 [of the cost, per rad or m]."""
+    """Optimal only if no entry of the projected gradient is larger; > 0 [of the cost, per rad or m].
+
+    A level of a control tick that cannot reach its targets rests where its gradient is below 0.7 times that, as a share
+    of what is left of its errors."""
     max_iterations: int = 200
     """Iterations of one start, accepted or not; >= 1."""
     max_restarts: int = 300

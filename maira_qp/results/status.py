@@ -100,10 +100,11 @@ class StepStatus(NamedEnum):
     ARRIVED = 0
     """Every task, of every level, is within `position_tolerance` and `orientation_tolerance` of `Options` after it"""
     MOVING = 1
-    """Not arrived, and on the way: some joint is not at rest, or gains and damping let a gradient fall slowly"""
+    """Not arrived, and on the way: some joint is not at rest, or would not be but for its task's gain"""
     NEAREST = 2
-    """At rest, where nothing near by is nearer, in the order of the levels: no task's gradient that limits and levels
-    above leave free is larger than `Options.stationarity_tolerance`, and no level is at a saddle point"""
+    """At rest, where nothing near by is nearer, in the order of the levels: no level's QP asks for motion, so that what
+    limits and the levels above leave free of its gradient is within `Options.stationarity_tolerance`, as a share of its
+    errors where these are large, and it is at no saddle point"""
     STUCK = 3
     """At rest though the QPs ask for motion: a QP failed, or no share of the motion that they ask for was safe"""
 

@@ -77,3 +77,14 @@ def test_a_backend_that_fails_leaves_the_arm_stuck(maira):
     step = solver.step(q, maira.forward(maira.upper), 0.05)
     assert step.status == mq.StepStatus.STUCK
     assert not step.velocity.any()
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_gain_that_lets_the_error_fall_slowly_is_no_rest(robot, engine, rng):
+    """Slower than what counts as at rest, the arm is on its way all the same."""
+    task = mq.PoseTask(gain=1e-7)
+    solver = mq.Solver(robot, task=task, redundancy=None, backend=ENGINES[engine])
+    q = robot.clip(robot.middle + 0.3)
+    step = solver.step(q, robot.forward(robot.clip(q + 0.1 * rng.normal(size=robot.n))), 0.1)
+    assert (np.abs(step.velocity) <= resting_speed(robot)).all()
+    assert step.status == mq.StepStatus.MOVING

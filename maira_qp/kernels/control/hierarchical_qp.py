@@ -15,10 +15,10 @@ from maira_qp.kernels.linalg.qr_null_space import NONE, extend, null_basis, othe
 from maira_qp.kernels.qp.box_qp import solve_box_qp
 from maira_qp.kernels.qp.null_space_qp import solve_row_qp
 
-ROW_THRESHOLD = 1e-11
+ROW_THRESHOLD = 1e-10
 """Pivots of tasks below this share of the longest row, or of the first pivot, count as zero."""
 
-ESCAPE = 1e-3
+ESCAPE, RUBS, RUBS_LITTLE, SETTLED, STICKS, JUMP, NO_PART = 1e-3, 20, 1e-3, 1e-9, 0.9, 30.0, 1e-10
 """As in `problem.qp.hierarchy`."""
 
 
@@ -32,21 +32,32 @@ def solve_each_level(objectives, share, work):
     dq, part, g, z, b = work.dq, work.part, work.g, work.z, work.b
     displacements, joints, Z, M, A, V, F = work.displacements, work.joints, work.Z, work.M, work.A, work.V, work.F
     n, held, rank = len(dq), work.locked, NONE
+    work.unsolved[0] = 0.0
     for i in range(n):
         g[i] = share * c[0, i]
         for j in range(n):
             M[i, j] = H[0, i, j] + (mu[0] if i == j else 0.0)
+    _set_joints_apart(M, lower, upper, work.leaning[0])
     if work.saddle[0] >= 0.0:
         _descend_first(M, g, lower, upper, work)
     if not solve_box_qp(M, g, lower, upper, A, work.free, work.side, work.y, dq):
         return 0
-    worth = 1.0
-    if work.still[0] > 0.0:
+    rubs, worth, friction = work.still[0] > 0.0, 1.0, work.friction
+    for i in range(n):
+        rubs = rubs and lower[i] <= 0.0 <= upper[i]
+    if rubs:
         for i in range(n):
-            g[i] = share * c[0, i]
-        worth = _worth(H[0], mu[0], g, dq, work.still[0])
-        for i in range(n):
-            worth = worth if lower[i] <= 0.0 <= upper[i] else 1.0
+            part[i] = share * c[0, i]
+        friction[0] = 0.0
+        for rub in range(RUBS):
+            more = _more_damping(H[0], mu[0], part, dq, work.still[0], rub, friction)
+            if more == 0.0:
+                break
+            for i in range(n):
+                M[i, i] += more
+            if not solve_box_qp(M, g, lower, upper, A, work.free, work.side, work.y, dq):
+                return 0
+        worth = _is_worth(H[0], mu[0], part, dq, work.still[0])
     for i in range(n):
         dq[i] *= worth
         displacements[0, i] = min(max(dq[i], lower[i]), upper[i])
@@ -67,12 +78,27 @@ def solve_each_level(objectives, share, work):
         reduce(H[level], k, Z, work.y, M)
         for p in range(k):
             M[p, p] += mu[level]
+        _set_apart(M, b, k, Z, work.leaning[level])
         if work.saddle[level] >= 0.0:
             descend(M, b, k, Z, work.saddle[level], A, V, z)
         else:
             convexify(M, k, A, V)
-        solve_row_qp(M, b, k, Z, low, high, work.row_qp, work.row_qp_index, z, part)
-        worth = _worth(H[level], mu[level], g, part, work.still[level]) if work.still[level] > 0.0 else 1.0
+        if not solve_row_qp(M, b, k, Z, low, high, work.row_qp, work.row_qp_index, z, part):
+            work.unsolved[0] = 1.0
+        worth = 1.0
+        if work.still[level] > 0.0:
+            friction[0] = 0.0
+            for rub in range(RUBS):
+                more = _more_damping(H[level], mu[level], g, part, work.still[level], rub, friction)
+                if more == 0.0:
+                    break
+                for p in range(k):
+                    M[p, p] += more
+                for i in range(n):
+                    part[i] = 0.0
+                if not solve_row_qp(M, b, k, Z, low, high, work.row_qp, work.row_qp_index, z, part):
+                    work.unsolved[0] = 1.0
+            worth = _is_worth(H[level], mu[level], g, part, work.still[level])
         for i in range(n):
             dq[i] += worth * part[i]
             displacements[level, i] = min(max(dq[i], lower[i]), upper[i])
@@ -80,8 +106,110 @@ def solve_each_level(objectives, share, work):
 
 
 @device_kernel
-def _worth(H, mu, c, step, still):
-    """The share of a step (n,) that is worth its way, as `problem.qp.hierarchy._worth`; c (n,) the gradient."""
+def _set_joints_apart(H, lower, upper, leaning):
+    """The Hessian H (n, n) without what couples joints that lean on a limit to others: see `problem.qp.hierarchy`."""
+    n, square = len(H), 0.0
+    for i in range(n):
+        for j in range(n):
+            square += H[i, j] * H[i, j] if lower[i] < upper[i] and lower[j] < upper[j] else 0.0
+    for i in range(n):
+        if leaning[i] == 0 or not (lower[i] < upper[i] and lower[i] <= 0.0 <= upper[i]):
+            continue
+        for j in range(n):
+            H[i, j], H[j, i] = 0.0, 0.0
+        H[i, i] = math.sqrt(square)
+
+
+@device_kernel
+def _set_apart(H, c, k, Z, leaning):
+    """The same in coordinates z (k,): the basis Z (n, k) is turned, so that each such joint is moved by one of its own.
+
+    By Householder reflections, H (k, k) and c (k,) with it.
+    """
+    square, m = 0.0, k
+    for p in range(k):
+        for r in range(k):
+            square += H[p, r] * H[p, r]
+    for i in range(len(Z)):
+        if leaning[i] == 0 or m == 0:
+            continue
+        size = 0.0
+        for p in range(m):
+            size += Z[i, p] * Z[i, p]
+        size = math.sqrt(size)
+        if size <= NO_PART:
+            continue
+        last = m - 1
+        side = math.copysign(size, Z[i, last])
+        corner = Z[i, last] + side
+        scale = 1.0 / (side * corner)  # 2 / |v|^2 of v = (Z[i, 0], ..., Z[i, last] + side)
+        Z[i, last] = corner
+        for p in range(k):
+            s = 0.0
+            for r in range(m):
+                s += H[p, r] * Z[i, r]
+            for r in range(m):
+                H[p, r] -= scale * s * Z[i, r]
+        for p in range(k):
+            s = 0.0
+            for r in range(m):
+                s += H[r, p] * Z[i, r]
+            for r in range(m):
+                H[r, p] -= scale * s * Z[i, r]
+        s = 0.0
+        for r in range(m):
+            s += c[r] * Z[i, r]
+        for r in range(m):
+            c[r] -= scale * s * Z[i, r]
+        for j in range(len(Z)):
+            if j == i:
+                continue
+            s = 0.0
+            for r in range(m):
+                s += Z[j, r] * Z[i, r]
+            for r in range(m):
+                Z[j, r] -= scale * s * Z[i, r]
+        for r in range(last):
+            Z[i, r] = 0.0
+        Z[i, last] = -side
+        for p in range(k):
+            H[p, last], H[last, p] = 0.0, 0.0
+        H[last, last] = math.sqrt(square)
+        m = last
+
+
+@device_kernel
+def _more_damping(H, mu, c, step, still, rub, friction):
+    """What to add to the damping for a step (n,) with friction, see `problem.qp.hierarchy._with_friction`; 0: nothing.
+
+    c (n,) is the gradient; `friction` (3,) holds the damping, the one before it, and how slow its step was.
+    """
+    fall, length = _fall(H, mu, c, step)
+    if length == 0.0 or (rub == 0 and still * length <= RUBS_LITTLE * fall):
+        return 0.0
+    damping, slowness, slope = friction[0], 1.0 / length, 0.0
+    if rub > 0:
+        if abs(damping * length - still) <= SETTLED * still:
+            return 0.0
+        slope = (slowness - friction[2]) / (damping - friction[1])
+    friction[1], friction[2] = damping, slowness
+    if slope * still >= 1.0:
+        friction[0] = JUMP * damping
+    else:
+        friction[0] = max((slowness - slope * damping) / (1.0 / still - slope), 0.0)
+    return friction[0] - damping
+
+
+@device_kernel
+def _is_worth(H, mu, c, step, still):
+    """1 or, for a step (n,) that friction holds up, 0, as `problem.qp.hierarchy._with_friction`."""
+    fall, length = _fall(H, mu, c, step)
+    return 1.0 if still * length <= STICKS * fall else 0.0
+
+
+@device_kernel
+def _fall(H, mu, c, step):
+    """By how much a step (n,) makes the cost fall, and its length."""
     fall, square = 0.0, 0.0
     for i in range(len(step)):
         s = 2.0 * c[i] + mu * step[i]
@@ -89,7 +217,7 @@ def _worth(H, mu, c, step, still):
             s += H[i, j] * step[j]
         fall -= 0.5 * s * step[i]
         square += step[i] * step[i]
-    return max(0.0, 1.0 - still * math.sqrt(square) / fall) if fall > 0.0 else 0.0
+    return fall, math.sqrt(square)
 
 
 @device_kernel

@@ -10,19 +10,29 @@ from __future__ import annotations
 
 import math
 
-from maira_qp.kernels.control.task_jacobians import across_direction, in_base, pose_bend, task_error, task_levers
+from maira_qp.kernels.control.task_jacobians import (
+    across_axis,
+    in_base,
+    measure_turn,
+    pose_bend,
+    task_error,
+    task_levers,
+)
 from maira_qp.kernels.jit.decorators import device_kernel
 from maira_qp.kernels.kinematics.kinematic_tree import forward, path_jacobian, path_to, place
-from maira_qp.kernels.layout import Kind, Level, Place, Step, TaskRow
+from maira_qp.kernels.layout import Joint, Kind, Level, Place, Step, TaskRow
 from maira_qp.kernels.refinement.posture_objective import objective_cost
 from maira_qp.kernels.search.levenberg_marquardt import squares
 from maira_qp.kernels.spatial.pose_hessian import add_curvature as add_pose_curvature
 
-NUDGE = 1e-5
+NUDGE, NOISE = 1e-5, 1e-9
 """As in `problem.tasks.task`."""
 
-SADDLE, FLAT, STATIONARY, STEEP, WORTH, FAINT = 1e-3, 1e-5, 0.1, 1e-5, 2e-9, 1e-5
+SADDLE, FLAT, STATIONARY, STEEP, FRICTION, FAINT, STANDING = 1e-3, 1e-5, 0.1, 1e-5, 0.7, 1e-5, 1e-8
 """As in `solvers.reference.step_models`."""
+
+HESSIAN_THRESHOLD = 1e-6
+"""As in `problem.qp.costs`."""
 
 
 @device_kernel
@@ -126,20 +136,47 @@ def fade_posture(objectives, fading, work, q):
 
 
 @device_kernel
-def row_errors(tasks, places, level, ends, e, errors):
-    """The weighted errors of the rows of all levels above one, from those of the tasks e (T, 6); rows without stay."""
-    row = 0
+def note_where(work):
+    """Keep where the frames of the tasks are, and the errors, for `row_changes`."""
+    for t in range(len(work.e)):
+        for k in range(6):
+            work.e_there[t, k] = work.e[t, k]
+        for f in range(3):
+            for k in range(12):
+                work.tools_there[t, f, k] = work.tools[t, f, k]
+
+
+@device_kernel
+def note_start(work):
+    """Keep where the frames of the tasks are at the beginning of the tick, of which the rows tell."""
+    for t in range(len(work.e)):
+        for k in range(12):
+            work.tools_here[t, k] = work.tools[t, 0, k]
+
+
+@device_kernel
+def row_changes(tasks, places, level, work, changes):
+    """What a motion changed of the errors of the rows of all levels above one, as these tell it; of others nothing.
+
+    From where `note_where` was called to where the costs were computed last.
+    """
+    change, row = work.off, 0
     for t in range(len(tasks)):
         if places[t, Place.LEVEL] >= level:
             break
-        row = max(row, ends[places[t, Place.LEVEL] - 1] if places[t, Place.LEVEL] > 0 else 0)
+        row = max(row, work.ends[places[t, Place.LEVEL] - 1] if places[t, Place.LEVEL] > 0 else 0)
         if places[t, Place.KIND] == Kind.STILL:
             for i in range(tasks.shape[1] - TaskRow.COEFFICIENTS):
                 row += tasks[t, TaskRow.COEFFICIENTS + i] > 0.0
             continue
         for k in range(6):
+            change[k] = work.e[t, k] - work.e_there[t, k]
+        measure_turn(
+            tasks[t], places[t], work.tools_here[t], work.tools_there[t], work.tools[t], work.targets[t], change
+        )
+        for k in range(6):
             if tasks[t, TaskRow.WEIGHTS + k] > 0.0:
-                errors[row] = tasks[t, TaskRow.WEIGHTS + k] * e[t, k]
+                changes[row] = tasks[t, TaskRow.WEIGHTS + k] * change[k]
                 row += 1
 
 
@@ -238,7 +275,7 @@ def _add_differences(tree, parents, t, task, place_of_task, own, share, first, e
         for k in range(6):
             pull[k] = pull[k] / task[TaskRow.WEIGHTS + k] if task[TaskRow.WEIGHTS + k] > 0.0 else 0.0
         if place_of_task[Place.KIND] in (Kind.AXIS_ALONG, Kind.AXIS_AT):
-            in_base(task, place_of_task, tool, target, pull)
+            in_base(task, tool, pull)
     for i in range(n):
         near[i] = q[i]
     for i in range(n):
@@ -251,13 +288,19 @@ def _add_differences(tree, parents, t, task, place_of_task, own, share, first, e
             for j in range(n):
                 C[i, j] += gradient[j] / (2.0 * step)
         near[i] = q[i]
+    largest = 0.0
     for i in range(n):
-        for j in range(n):
+        for j in range(i + 1):
             s = 0.5 * (C[i, j] + C[j, i])
             if own:
                 for k in range(first, end):
                     s -= work.rows[k, i] * work.rows[k, j]
-            H[i, j] += share * s
+            C[i, j], C[j, i] = s, s
+            largest = max(largest, abs(s))
+    for i in range(n):
+        for j in range(n):
+            if abs(C[i, j]) >= NOISE * largest:
+                H[i, j] += share * C[i, j]
 
 
 @device_kernel
@@ -280,7 +323,7 @@ def _slope_at(tree, parents, task, place_of_task, target, own, work, q, gradient
         for k in range(6):
             e[k] = work.pull[k]
         if place_of_task[Place.KIND] in (Kind.AXIS_ALONG, Kind.AXIS_AT):
-            across_direction(task, place_of_task, tools[0], target, e)
+            across_axis(task, tools[0], e)
     for i in range(len(q)):
         gradient[i] = 0.0
     row = 0
@@ -329,7 +372,7 @@ def is_reached(e, numbers):
 
 
 @device_kernel
-def finish_model(places, numbers, level, bends, is_bent, asked, work):
+def finish_model(tree, places, objectives, numbers, level, bends, is_bent, asked, work, q):
     """The damping of a level with its Hessian in work.H, which curvature it leaves, and which steps it does not take.
 
     `is_bent` tells that rows above are directions in which their level bends.
@@ -344,11 +387,16 @@ def finish_model(places, numbers, level, bends, is_bent, asked, work):
     stationary = steep <= STATIONARY * left * left and not is_bent
     work.saddle[level] = (SADDLE * left * math.sqrt(largest) if stationary else math.inf) if bends else -1.0
     work.flat[level] = FLAT * left * math.sqrt(largest)
-    work.gradients[level] /= max(1.0, left * math.sqrt(largest))
+    if objectives[level, Level.WEIGHT] != 0.0:
+        work.flat[level] = HESSIAN_THRESHOLD * largest
     reached, square = True, 0.0
     for t in range(len(places)):
         reached = reached and (places[t, Place.LEVEL] != level or is_reached(work.e[t], numbers))
     for k in range(work.ends[level - 1] if level > 0 else 0, work.ends[level]):
         square += work.errors[k] ** 2
     faint = FAINT * math.sqrt(square) if reached else 0.0
-    work.still[level] = max(faint, WORTH * left if bends else 0.0) * math.sqrt(largest)
+    rough = FRICTION * numbers[Step.STATIONARITY] * left if bends else 0.0
+    work.still[level] = max(faint, rough) * math.sqrt(largest)
+    for i in range(len(H)):
+        stands = q[i] - tree[i, Joint.LOWER] <= STANDING or tree[i, Joint.UPPER] - q[i] <= STANDING
+        work.leaning[level, i] = work.held[i] and stands

@@ -13,8 +13,6 @@ from maira_qp.kernels.linalg.symmetric_eigen import diagonalise
 
 # as in `solvers.reference.step_models`
 SINGULAR, FILTER, ABOVE, PASSES, NEAR, BENDS, NOTHING, UNKNOWN = 1e-2, 4, 1e-5, 4, 0.1, 1e-6, 1e-6, 1e-8
-HESSIAN_THRESHOLD = 1e-6
-"""As in `problem.qp.costs`."""
 
 TINY = 1e-30
 
@@ -33,12 +31,12 @@ def find_residual(tree, objectives, level, work, q, dt):
         held[i] = not tree[i, Joint.LOWER] < tree[i, Joint.UPPER]
     if first == 0:
         _hold(tree, K, above, g, q, dt, held)
-    _factor_above(K, held, work.gram, work.factor)
+    factor_above(K, held, work.gram, work.factor)
     for _ in range(PASSES if first > 0 else 0):
         _balance(K, g, held, work.factor, above)
         if not _hold(tree, K, above, g, q, dt, held):
             break
-        _factor_above(K, held, work.gram, work.factor)
+        factor_above(K, held, work.gram, work.factor)
     _balance(K, g, held, work.factor, above)
     work.gradients[level], work.left_norms[level] = 0.0, 0.0
     if m == first:
@@ -70,7 +68,7 @@ def find_residual(tree, objectives, level, work, q, dt):
 
 
 @device_kernel
-def _factor_above(K, held, gram, factor):
+def factor_above(K, held, gram, factor):
     """Factor `K K^T + eps I`, K (m, n) the rows above in the joints that are not held."""
     m, size = len(K), 0.0
     for k in range(m):
@@ -191,12 +189,6 @@ def add_bent_directions(tree, objectives, level, work):
     if k == 0:
         return False
     flat = work.flat[level]
-    if objectives[level, Level.WEIGHT] != 0.0:
-        largest = 0.0
-        for row in work.H[level]:
-            for h in row:
-                largest = max(largest, abs(h))
-        flat = HESSIAN_THRESHOLD * largest
     null_basis(F, work.tau, joints, count, rank, work.g, work.y, Z, work.b)
     reduce(work.curvature, k, Z, work.y, M)  # Gauss-Newton's part, zero here, would leave its rounding
     if k == 1:

@@ -20,19 +20,22 @@ from maira_qp.kernels.control.level_models import (
     is_reached,
     level_costs,
     level_model,
-    row_errors,
+    note_start,
+    note_where,
+    row_changes,
 )
-from maira_qp.kernels.control.residual import add_bent_directions, find_residual
+from maira_qp.kernels.control.residual import add_bent_directions, factor_above, find_residual
 from maira_qp.kernels.control.step_workspace import carve_step_work
 from maira_qp.kernels.jit.decorators import device_kernel, kernel
 from maira_qp.kernels.layout import Joint, Level, Place, Step, TaskRow
+from maira_qp.kernels.linalg.ldl import solve_ldl
 from maira_qp.kernels.search.levenberg_marquardt import squares
 from maira_qp.kernels.search.multi_start import FARTHEST_START
 from maira_qp.kernels.spatial.pose_validation import FINE, pose_row
 
 BAD_CONFIGURATION, TOO_FAR = -1, -2
 
-ARMIJO, ROUNDING, AT_REST = 0.05, 1e-14, 1e-6
+ARMIJO, ROUNDING, AT_REST, RETURNS = 0.05, 1e-14, 1e-6, 2
 """As in `solvers.reference.step`."""
 
 ARRIVED, MOVING, NEAREST, STUCK = 0.0, 1.0, 2.0, 3.0
@@ -60,6 +63,7 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
     lower, upper, step, trial, way = work.lower, work.upper, work.step, work.trial, work.way
     work.fade[0] = 1.0
     level_costs(tree, parents, tasks, places, objectives, work, q, work.values)
+    note_start(work)
     is_bent = False
     for level in range(len(objectives)):
         asked = level_model(tree, parents, tasks, places, objectives, level, work, q)
@@ -68,7 +72,7 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
         bends = find_residual(tree, objectives, level, work, q, dt)
         add_curvature(tree, parents, tasks, places, level, bends, work, q)
         add_gauss_newton(level, work)
-        finish_model(places, numbers, level, bends, is_bent, asked, work)
+        finish_model(tree, places, objectives, numbers, level, bends, is_bent, asked, work, q)
         if level + 1 < len(objectives) and (bends or objectives[level, Level.WEIGHT] != 0.0):
             is_bent = (add_bent_directions(tree, objectives, level, work) and bends) or is_bent
     share, solved = 1.0, len(objectives)
@@ -98,7 +102,7 @@ def tick(tree, parents, tasks, places, objectives, numbers, dt, T, q, velocity, 
         out[n + i] = min(max(move / dt, -reach), reach)
     level_costs(tree, parents, tasks, places, objectives, work, ahead, work.values)
     _report(work.e[: int(numbers[Step.FIRST])], out[2 * n :])
-    out[2 * n + 2] = _status(tree, places, numbers, work, solved, dt, out[n : 2 * n])
+    out[2 * n + 2] = _status(tree, tasks, places, numbers, work, solved, dt, out[n : 2 * n])
     return FINE
 
 
@@ -128,7 +132,7 @@ def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q
     """
     displacements, values, trial_values, kept = work.displacements, work.values, work.trial_values, work.kept
     lower, upper, step, part, trial, solved_above = work.lower, work.upper, work.step, work.part, work.trial, work.dq
-    n, slack, errors = len(q), numbers[Step.FEASIBILITY], work.errors
+    n, slack, changes, held, move = len(q), numbers[Step.FEASIBILITY], work.changes, work.held, work.y
     for i in range(n):
         solved_above[i] = step[i]
     for level in range(solved):
@@ -136,8 +140,8 @@ def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q
         H, c, mu, multipliers = work.H[level], work.c[level], work.mu[level], work.balances[level]
         rows = work.ends[level - 1] if level > 0 else 0
         for k in range(rows):
-            errors[k], work.errors_there[k] = 0.0, 0.0
-        row_errors(tasks, places, level, work.ends, work.e, work.errors_there)
+            changes[k] = 0.0
+        note_where(work)
         for i in range(n):
             s = c[i] + mu * solved_above[i]
             for j in range(n):
@@ -146,29 +150,43 @@ def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q
             slope += s * part[i]
         for i in range(n):
             solved_above[i] = displacements[level, i]
-        share, most, slope, done = 1.0, before + ROUNDING * (1.0 + abs(before)), ARMIJO * min(slope, 0.0), False
+        share, most = _share_inside(lower, upper, step, part, slack), before + ROUNDING * (1.0 + abs(before))
+        slope, done = ARMIJO * min(slope, 0.0), False
+        returns, factored = RETURNS if rows > 0 and most_loss < math.inf else 0, False
         for _ in range(int(numbers[Step.HALVINGS])):
-            inside, shrink = True, 0.5
+            shrink, off = 0.5, 0.0
             for i in range(n):
-                move = step[i] + share * part[i]
-                trial[i] = q[i] + move
-                inside = inside and lower[i] - slack <= move <= upper[i] + slack
-            if inside:
-                level_costs(tree, parents, tasks, places, objectives, work, trial, trial_values)
-                loss = _loss(tasks, places, objectives, numbers, level, work)
-                merit = trial_values[level]
-                row_errors(tasks, places, level, work.ends, work.e, errors)
-                for k in range(rows if most_loss < math.inf else 0):
-                    merit -= multipliers[k] * (errors[k] - work.errors_there[k])
-                if loss <= most_loss and merit <= most + share * slope:
-                    done = True
+                move[i] = step[i] + share * part[i]
+            for given in range(returns + 1):
+                if not _is_inside(lower, upper, move, slack):
+                    shrink, done = 0.8 if given > 0 else 0.5, False
                     break
-                if loss > most_loss:
-                    shrink = max(0.1, min(0.9 / math.sqrt(loss), 0.8))
+                for i in range(n):
+                    trial[i] = q[i] + move[i]
+                level_costs(tree, parents, tasks, places, objectives, work, trial, trial_values)
+                row_changes(tasks, places, level, work, changes)
+                loss, merit = _loss(tasks, places, objectives, numbers, level, work), trial_values[level]
+                for k in range(rows if most_loss < math.inf else 0):
+                    merit -= multipliers[k] * changes[k]
+                done = loss <= most_loss and merit <= most + share * slope
+                shrink = 0.5 if loss <= most_loss else max(0.1, min(0.9 / math.sqrt(loss), 0.8))
+                off, before_it = _largest(changes, rows), off
+                if given == returns or (done and off <= numbers[Step.ORIENTATION_LOSS]):
+                    break
+                if given > 0 and off > 0.5 * before_it:
+                    break  # too long a way for rows of where it began
+                if not factored:
+                    for i in range(n):
+                        held[i] = not (lower[i] + slack < displacements[level, i] < upper[i] - slack)
+                    factor_above(work.rows[:rows], held, work.gram, work.factor)
+                    factored = True
+                _give_back(rows, work, move)
+            if done:
+                break
             share *= shrink
         if done:
             for i in range(n):
-                step[i] += share * part[i]
+                step[i] = move[i]
             for k in range(len(values)):
                 values[k] = trial_values[k]
         elif level + 1 < solved:
@@ -180,6 +198,49 @@ def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q
                 position, orientation = squares(work.e[t])
                 kept[t, 0], kept[t, 1] = math.sqrt(position), math.sqrt(orientation)
         work.highest[level] = values[level]
+
+
+@device_kernel
+def _is_inside(lower, upper, move, slack):
+    """Whether a displacement (n,) is within bounds, but for a slack."""
+    inside = True
+    for i in range(len(move)):
+        inside = inside and lower[i] - slack <= move[i] <= upper[i] + slack
+    return inside
+
+
+@device_kernel
+def _share_inside(lower, upper, step, part, slack):
+    """The largest share of a part (n,) that bounds allow after a step (n,), which is inside."""
+    share = 1.0
+    for i in range(len(step)):
+        move = step[i] + part[i]
+        if move > upper[i] + slack:
+            share = min(share, (upper[i] - step[i]) / part[i])
+        elif move < lower[i] - slack:
+            share = min(share, (lower[i] - step[i]) / part[i])
+    return max(share, 0.0)
+
+
+@device_kernel
+def _largest(changes, rows):
+    """Size of the largest of some changes."""
+    largest = 0.0
+    for k in range(rows):
+        largest = max(largest, abs(changes[k]))
+    return largest
+
+
+@device_kernel
+def _give_back(rows, work, move):
+    """Add to a displacement (n,) the least that gives the levels above what it took from them, by their rows at q."""
+    held, y, K = work.held, work.weights, work.rows
+    for k in range(rows):
+        y[k] = work.changes[k]
+    solve_ldl(work.factor, rows, y)
+    for i in range(len(move)):
+        for k in range(rows):
+            move[i] += 0.0 if held[i] else K[k, i] * y[k]
 
 
 @device_kernel
@@ -199,24 +260,25 @@ def _loss(tasks, places, objectives, numbers, level, work):
 
 
 @device_kernel
-def _status(tree, places, numbers, work, solved, dt, velocity):
+def _status(tree, tasks, places, numbers, work, solved, dt, velocity):
     """What the arm is doing after a tick, from the errors in work.e and what the QPs asked for."""
-    arrived, moving, wanted, slope = True, False, solved == 0, 0.0
+    arrived, moving, wanted, slowly, gain = True, False, solved == 0 or work.unsolved[0] > 0.0, False, 1.0
     for error in work.e[: len(places)]:
         arrived = arrived and is_reached(error, numbers)
     if arrived:
         return ARRIVED
+    for task in tasks:
+        gain = min(gain, task[TaskRow.GAIN])
     for i in range(len(velocity)):
         slow = AT_REST * (tree[i, Joint.VELOCITY] if tree[i, Joint.VELOCITY] < math.inf else 1.0)
         moving = moving or abs(velocity[i]) > slow
-        wanted = wanted or abs(work.displacements[solved - 1, i]) > slow * dt
+        way = abs(work.displacements[solved - 1, i]) if solved > 0 else 0.0
+        wanted, slowly = wanted or way > slow * dt, slowly or way > slow * dt * gain
     if moving:
         return MOVING
     if wanted:
         return STUCK
-    for t in range(len(places)):
-        slope = max(slope, work.gradients[places[t, Place.LEVEL]])
-    return NEAREST if slope <= numbers[Step.STATIONARITY] else MOVING
+    return MOVING if slowly else NEAREST
 
 
 @device_kernel

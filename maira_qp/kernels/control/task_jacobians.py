@@ -74,10 +74,9 @@ def _drop_free_rows(task, e):
 
 @device_kernel
 def _direction_error(task, kind, tool, target, e):
-    """The rotation vector that takes the axis a to the direction d, along the two axes across d."""
-    a = turned(tool, (task[TaskRow.AXIS], task[TaskRow.AXIS + 1], task[TaskRow.AXIS + 2]))
-    d, _ = _direction(task, kind, tool, target)
-    first, second = _across(d)
+    """The rotation vector that takes the axis a to the direction d, along the two axes across a."""
+    a, (d, _) = _axis(task, tool), _direction(task, kind, tool, target)
+    first, second = _across(a)
     turn, along = cross(a, d), dot(a, d)
     sine = length(turn)
     angle = math.atan2(sine, along)
@@ -86,6 +85,12 @@ def _direction_error(task, kind, tool, target, e):
         sine = length(turn)
     share = angle / sine if sine > 0.0 else 0.0
     e[3], e[4] = share * dot(turn, first), share * dot(turn, second)
+
+
+@device_kernel
+def _axis(task, tool):
+    """The axis of the tool that is to point somewhere, a unit vector."""
+    return turned(tool, (task[TaskRow.AXIS], task[TaskRow.AXIS + 1], task[TaskRow.AXIS + 2]))
 
 
 @device_kernel
@@ -101,26 +106,69 @@ def _direction(task, kind, tool, target):
 
 
 @device_kernel
-def _across(d):
-    """Two unit vectors that are a right-handed frame with the unit vector d."""
-    first = across_most(d)
+def _across(a):
+    """Two unit vectors that are a right-handed frame with the unit vector a."""
+    first = across_most(a)
     first = scaled(1.0 / length(first), first)
-    return first, cross(d, first)
+    return first, cross(a, first)
 
 
 @kernel
-def in_base(task, place, tool, target, pull):
+def measure_turn(task, place, here, before, after, target, change):
+    """The turning part of a task's `change` (6,) of error, as its rows tell it, between places of its frames (3, 12).
+
+    As `problem.tasks.task.Task.change`, `here` (12,) the first frame where the rows are from. What the rows tell as the
+    derivative of the error stays as it is.
+    """
+    kind = place[Place.KIND]
+    if kind == Kind.SWIVEL:
+        change[3] -= 2.0 * math.pi * math.floor(change[3] / (2.0 * math.pi) + 0.5)
+    elif kind in (Kind.AXIS_ALONG, Kind.AXIS_AT):
+        first, second = _across(_axis(task, here))
+        back = _turn_back(task, kind, before[0], after[0], target)
+        change[3], change[4] = dot(back, first), dot(back, second)
+    elif kind in (Kind.POSE, Kind.RELATIVE) and _turns_evenly(task):
+        x, y, z = change[0], change[1], change[2]
+        seen = 0 if kind == Kind.POSE else 2
+        pose_error(after[seen], before[seen], change)
+        change[0], change[1], change[2] = x, y, z
+        if place[Place.AXES] == Axes.TARGET:
+            change[3], change[4], change[5] = turned_back(target, (change[3], change[4], change[5]))
+
+
+@device_kernel
+def _turn_back(task, kind, before, after, target):
+    """The turn that takes the axis back to where it was, as seen from the direction that it is to point along."""
+    own = _turn_between(_axis(task, after), _axis(task, before))
+    if kind == Kind.AXIS_ALONG:
+        return own
+    return minus(
+        own, _turn_between(_direction(task, kind, after, target)[0], _direction(task, kind, before, target)[0])
+    )
+
+
+@device_kernel
+def _turn_between(a, b):
+    """The rotation vector that takes a unit vector to another, the short way."""
+    turn = cross(a, b)
+    sine = length(turn)
+    share = math.atan2(sine, dot(a, b)) / sine if sine > 0.0 else 0.0
+    return scaled(share, turn)
+
+
+@kernel
+def in_base(task, tool, pull):
     """What pulls the two rows of a direction, pull[3:5], as a vector in base axes, pull[:3]."""
-    first, second = _across(_direction(task, place[Place.KIND], tool, target)[0])
+    first, second = _across(_axis(task, tool))
     u, v = pull[3], pull[4]
     for k in range(3):
         pull[k] = u * first[k] + v * second[k]
 
 
 @kernel
-def across_direction(task, place, tool, target, pull):
+def across_axis(task, tool, pull):
     """The part of a vector in base axes, pull[:3], for the two rows of a direction, pull[3:5]."""
-    first, second = _across(_direction(task, place[Place.KIND], tool, target)[0])
+    first, second = _across(_axis(task, tool))
     vector = pull[0], pull[1], pull[2]
     pull[3], pull[4] = dot(vector, first), dot(vector, second)
 
@@ -233,12 +281,13 @@ def _frame_lever(task, place, tool, target, e, lever):
 
 @device_kernel
 def _direction_lever(task, kind, tool, target, lever):
-    """What turns the axis across d counts; and what moves it past the point that it looks at."""
+    """What turns the axis counts, but for a turn about itself; and what moves it past the point that it looks at."""
     d, nearness = _direction(task, kind, tool, target)
-    first, second = _across(d)
+    first, second = _across(_axis(task, tool))
+    past, beside = cross(first, d), cross(second, d)
     for k in range(3):
-        lever[3, k], lever[3, 3 + k] = -nearness * second[k], first[k]
-        lever[4, k], lever[4, 3 + k] = nearness * first[k], second[k]
+        lever[3, k], lever[3, 3 + k] = nearness * past[k], first[k]
+        lever[4, k], lever[4, 3 + k] = nearness * beside[k], second[k]
 
 
 @device_kernel

@@ -75,6 +75,12 @@ class Bounds:
         inside = (dq >= self.lower - FEASIBILITY).all() and (dq <= self.upper + FEASIBILITY).all()
         return bool(inside and (len(self.h) == 0 or (self.G @ dq <= self.h + FEASIBILITY).all()))
 
+    def share_inside(self, dq: np.ndarray, part: np.ndarray) -> float:
+        """The largest share in [0, 1] of a part (n,) that the box allows after dq (n,), which is inside."""
+        room = np.where(part > 0, self.upper - dq, self.lower - dq)
+        over = (dq + part > self.upper + FEASIBILITY) | (dq + part < self.lower - FEASIBILITY)
+        return max(0.0, float(np.min(room[over] / part[over], initial=1.0)))
+
     def within(self, radius: float) -> Bounds:
         """The same, and every entry of dq at most `radius` > 0 in size (a trust region)."""
         return Bounds(np.clip(self.lower, -radius, 0), np.clip(self.upper, 0, radius), self.G, self.h)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -59,7 +59,11 @@ class Level:
     saddle: float | None = None
     """Curvature below minus this is left by a step of `ESCAPE` at least; None: no step has a least size"""
     still: float = 0.0
-    """A step is not taken for which the cost falls by no more than this per rad or m of it"""
+    """Dry friction: what a step costs per rad or m of it"""
+
+    leaning: np.ndarray | None = None
+    """(n,) joints that it presses against the limit that they stand on: its Hessian is made positive without them, or
+    those that can move would go as slowly as the way bends for these"""
 
     def damped(self, mu: float) -> Level:
         """The same with `1/2 mu |dq|^2` added (Levenberg-Marquardt)."""
@@ -85,6 +89,9 @@ def build_first(level: Level, bounds: Bounds) -> Subproblem:
     if not free.all():
         c, h = (c + H @ start)[free], h - bounds.G @ start
         H = H[np.ix_(free, free)]
+    if level.leaning is not None:
+        leaning = (level.leaning & (bounds.lower <= 0.0) & (bounds.upper >= 0.0))[free]
+        H = _apart(H, len(H) - int(leaning.sum()), np.argsort(leaning, kind="stable"))
     if level.saddle is not None:
         H, c = descending(H, c, Z, level.saddle)
     qp = QP(H, c, bounds.lower[free], bounds.upper[free], bounds.G[:, free], h)
@@ -93,13 +100,29 @@ def build_first(level: Level, bounds: Bounds) -> Subproblem:
 
 def build_next(level: Level, bounds: Bounds, start: np.ndarray, Z: np.ndarray) -> Subproblem:
     """A lower level: a QP in the few z, from the `start` (n,) of the level above, with every limit as a row."""
-    H, c = Z.T @ level.H @ Z, Z.T @ (level.c + level.H @ start)
+    moving = Z.shape[1]
+    if level.leaning is not None and level.leaning.any():
+        N = null_space(Z[level.leaning], NO_PART, size=1.0)
+        Z, moving = np.hstack([Z @ N, Z @ null_space(N.T)]), N.shape[1]
+        Z[np.abs(Z) < NO_PART] = 0.0
+    H, c = _apart(Z.T @ level.H @ Z, moving), Z.T @ (level.c + level.H @ start)
     H, c = (convexified(H), c) if level.saddle is None else descending(H, c, Z, level.saddle)
     rows = np.vstack([Z, -Z, bounds.G @ Z])
     room = _room(bounds, start)
     felt = np.isfinite(room) & (rows != 0).any(axis=1)
     free = np.full(Z.shape[1], np.inf)
     return _with_slack(Subproblem(QP(H, c, -free, free, rows[felt], room[felt]), start, Z), level)
+
+
+def _apart(H: np.ndarray, moving: int, order: np.ndarray | None = None) -> np.ndarray:
+    """H (k, k) without what couples the first `moving` coordinates, in an order (k,), to the others."""
+    if moving == len(H):
+        return H
+    others = np.arange(moving, len(H)) if order is None else order[moving:]
+    alone = H.copy()
+    alone[others], alone[:, others] = 0.0, 0.0
+    alone[others, others] = np.linalg.norm(H)
+    return alone
 
 
 def _with_slack(problem: Subproblem, level: Level) -> Subproblem:
@@ -128,34 +151,37 @@ def solve_hierarchy(levels: Sequence[Level], bounds: Bounds, backend: Backend) -
 
     dq is inside the box exactly. A level below the first that its backend cannot solve is left out.
     """
-    displacements = solve_each_level(levels, bounds, backend)
+    displacements, _ = solve_each_level(levels, bounds, backend)
     return displacements[-1] if displacements else None
 
 
 def solve_each_level(
     levels: Sequence[Level], bounds: Bounds, backend: Backend, end: float | None = None
-) -> list[np.ndarray]:
-    """The displacements (n,) of level 1 alone, of levels 1 and 2, and so on; none if level 1 could not be solved.
+) -> tuple[list[np.ndarray], bool]:
+    """The displacements (n,) of level 1 alone, of levels 1 and 2, and so on, and whether all levels could be solved.
 
-    They end early where nothing is left for the next level to move, or `time.monotonic()` passes `end` [s].
+    There are none if level 1 could not be; a lower level that could not be is left out. They end early where nothing is
+    left for the next level to move, or `time.monotonic()` passes `end` [s].
     """
     first = build_first(levels[0], bounds)
     solution = backend.solve(first.qp)
     if not solution.found:
-        return []
+        return [], False
     stands = not bounds.rest.any() and bool((bounds.h >= 0).all())
-    z = _worth(first, solution.x, levels[0]) if stands else solution.x
+    z = _with_friction(first, solution.x, levels[0], lambda qp: backend.solve(qp).x) if stands else solution.x
     dq, Z = _shortened(first, z, bounds), first.Z[:, : int((bounds.lower < bounds.upper).sum())]
-    displacements = [np.clip(dq, bounds.lower, bounds.upper)]
+    displacements, solved = [np.clip(dq, bounds.lower, bounds.upper)], True
     for above, level in pairwise(levels):
         bounds = _with_wishes_kept(bounds, above, dq)
         Z = subspace(Z, above.rows, above.rank_threshold)
         if Z.shape[1] == 0 or (end is not None and time.monotonic() >= end):
             break
         below = build_next(level, bounds, dq, Z)
-        dq = _shortened(below, _worth(below, _solve_in_null_space(below.qp, backend), level), bounds)
+        z, found = _solve_in_null_space(below.qp, backend)
+        z, solved = _with_friction(below, z, level, lambda qp: _solve_in_null_space(qp, backend)[0]), solved and found
+        dq = _shortened(below, z, bounds)
         displacements.append(np.clip(dq, bounds.lower, bounds.upper))
-    return displacements
+    return displacements, solved
 
 
 def _with_wishes_kept(bounds: Bounds, level: Level, dq: np.ndarray) -> Bounds:
@@ -182,7 +208,7 @@ def projected_gradient(gradient: np.ndarray, above: Sequence[Level], bounds: Bou
     if Z.shape[1] == 0:
         return 0.0
     problem = build_next(Level(np.eye(n), scale * gradient, np.eye(n)), bounds, np.zeros(n), Z)
-    dq = _shortened(problem, _solve_in_null_space(problem.qp, backend), bounds)
+    dq = _shortened(problem, _solve_in_null_space(problem.qp, backend)[0], bounds)
     return float(np.abs(dq).max()) / scale
 
 
@@ -241,39 +267,106 @@ def descending(H: np.ndarray, c: np.ndarray, Z: np.ndarray, saddle: float) -> tu
     return convexified(H), c
 
 
-def _solve_in_null_space(qp: QP, backend: Backend) -> np.ndarray:
-    """z (k,) of a lower level: a clamp where k = 1, else by the backend; zero where that fails."""
+def _solve_in_null_space(qp: QP, backend: Backend) -> tuple[np.ndarray, bool]:
+    """z (k,) of a lower level, and whether it was found: a clamp where k = 1, else by the backend.
+
+    Where limits meet in a corner backends may find no point to their tolerance, though z = 0 is one: there it is by the
+    active-set method of the compiled engine, which starts from it.
+    """
     if len(qp.c) > 1:
         solution = backend.solve(qp)
-        return solution.x if solution.found else np.zeros(len(qp.c))
+        return (solution.x, True) if solution.found else _from_zero(qp)
     g = qp.G[:, 0]
     room = qp.h / np.where(g == 0, 1.0, g)
     low = np.max(room[g < 0], initial=-np.inf)
     high = np.min(room[g > 0], initial=np.inf)
-    return np.clip(-qp.c / qp.H[0], low, high)
+    return np.clip(-qp.c / qp.H[0], low, high), True
 
 
-def _worth(problem: Subproblem, z: np.ndarray, level: Level) -> np.ndarray:
-    """The part of z (k,) that is worth its way: none where the cost falls by no more than `Level.still` of its length.
+RUBS = 20
+"""Times that the damping of a step is found again from its length."""
 
-    The fall is that of the quadratic model as it is, negative curvature and all, and within the limits.
+RUBS_LITTLE = 1e-3
+"""Friction that takes away less than this share of what a step gains is left out."""
+
+SETTLED = 1e-9
+"""The damping is found when `mu |dq|` is `still` but for this share."""
+
+STICKS = 0.9
+"""A step of which friction takes away more than this share is not taken."""
+
+JUMP = 30.0
+"""By what the damping grows where friction is more than the gradient along the longest part of a step."""
+
+
+def _from_zero(qp: QP) -> tuple[np.ndarray, bool]:
+    """The same of a QP of which z = 0 keeps all rows, by `kernels.qp.null_space_qp`."""
+    from maira_qp.kernels.qp.null_space_qp import ROW_QP, solve_row_qp  # heavy: Numba comes with it
+
+    (m, k), z = qp.G.shape, np.zeros(len(qp.c))
+    n = max(m, k)
+    rows, upper = np.zeros((n, k)), np.full(n, np.inf)
+    rows[:m], upper[:m] = qp.G, qp.h
+    work = [np.empty(count, kind) for count, kind in zip(ROW_QP.sizes(n), (float, np.int64), strict=True)]
+    found = qp.is_well_posed() and solve_row_qp(qp.H, qp.c, k, rows, -np.full(n, np.inf), upper, *work, z, np.zeros(n))
+    return (z, True) if found else (np.zeros(k), False)
+
+
+def _with_friction(problem: Subproblem, z: np.ndarray, level: Level, solve: Callable[[QP], np.ndarray]) -> np.ndarray:
+    """The step z (k,) with the cost `Level.still |dq|` beside the level's own, as by dry friction.
+
+    It is that of a damping mu with `mu |dq| = still`: where the gradient is no larger than `still` the arm stands, flat
+    directions are left before steep ones, and what is worth its way is done nearly as before. mu is found by secants of
+    1/|dq|, which is nearly linear in it (as trust-region steps are: Nocedal and Wright, section 4.3).
     """
-    if level.still == 0.0 or level.wishes is not None:
+    still, damping, last, slowness = level.still, 0.0, 0.0, 0.0
+    if still == 0.0 or level.wishes is not None:
         return z
+    for rub in range(RUBS):
+        fall, length = _fall(problem, z, level)
+        if (
+            length == 0.0
+            or still * length <= RUBS_LITTLE * fall
+            or (rub and abs(damping * length - still) <= SETTLED * still)
+        ):
+            break
+        slope = (1.0 / length - slowness) / (damping - last) if rub else 0.0
+        last, slowness = damping, 1.0 / length
+        damping = _next_damping(damping, slowness, slope, still)
+        if damping == last:
+            break
+        z = solve(replace(problem.qp, H=problem.qp.H + damping * np.eye(len(z))))
+    fall, length = _fall(problem, z, level)
+    return z if still * length <= STICKS * fall else 0.0 * z
+
+
+def _next_damping(damping: float, slowness: float, slope: float, still: float) -> float:
+    """Where the line through a slowness 1/|dq| at a damping meets `damping / still`."""
+    if slope * still >= 1.0:
+        return JUMP * damping
+    return max((slowness - slope * damping) / (1.0 / still - slope), 0.0)
+
+
+def _fall(problem: Subproblem, z: np.ndarray, level: Level) -> tuple[float, float]:
+    """By how much the level's cost falls by a step z (k,) within the limits, negative curvature and all; its length."""
     step, g = problem.Z @ z, level.c + level.H @ problem.start
-    fall, least = -float(step @ (g + 0.5 * (level.H @ step))), level.still * float(np.linalg.norm(step))
-    return max(0.0, 1.0 - least / fall) * z if fall > 0.0 else 0.0 * z
+    return -float(step @ (g + 0.5 * (level.H @ step))), float(np.linalg.norm(step))
+
+
+OVERSTEPPED = 1e-10
+"""What a step may overstep the box [rad or m], as far as backends are exact: it is clipped, and the levels above lose
+no more than that times their rows."""
 
 
 def _shortened(problem: Subproblem, z: np.ndarray, bounds: Bounds) -> np.ndarray:
-    """dq (n,) of the longest step along z, at most z itself, that oversteps no limit by more than `FEASIBILITY`.
+    """dq (n,) of the longest step along z, at most z itself, that oversteps no limit but for rounding.
 
     z = 0 is feasible, so however inaccurate the backend is the step is feasible; and since it is shortened as a whole
     and not clipped, it stays in the null space of the levels above.
     """
     step, start = problem.Z @ z, problem.start
     move = np.concatenate([step, -step, bounds.G @ step])
-    room = _room(bounds, start) + FEASIBILITY
+    room = _room(bounds, start) + np.r_[np.full(2 * len(start), OVERSTEPPED), np.full(len(bounds.h), FEASIBILITY)]
     over = move > room
     return start + np.min(room[over] / move[over], initial=1.0) * step
 

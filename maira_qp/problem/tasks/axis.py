@@ -2,7 +2,8 @@
 
 The error is the rotation vector that takes the axis a to the desired direction d the short way, `theta u`, with
 `u = a x d / |a x d|`. It falls by `u . w` for a turn w of the frame, so that with the geometric Jacobian `-J^T e` is
-the exact gradient of `1/2 theta^2`. The turn about d is taken out of the rows: it costs nothing, and is left to others.
+the exact gradient of `1/2 theta^2`. The turn about a is taken out of the rows: it changes nothing, and is left to
+others.
 """
 
 from __future__ import annotations
@@ -61,20 +62,33 @@ class _DirectionTask(TargetTask):
 
     def error(self, at: Configuration) -> np.ndarray:
         """Rotation vector (3,) [rad] in base axes that takes the axis to the desired direction."""
+        return rotation_between(*self._axis_and_direction(at))
+
+    def change(self, at: Configuration, before: Configuration, after: Configuration) -> np.ndarray:
+        """The turn (3,) [rad] that takes the axis back to where it was, as seen from the desired direction."""
+        (a, d), (axis, direction) = self._axis_and_direction(after), self._axis_and_direction(before)
+        back = rotation_between(a, axis) - rotation_between(d, direction)
+        return across(self._axis_and_direction(at)[0]) @ back
+
+    def _axis_and_direction(self, at: Configuration) -> tuple[np.ndarray, np.ndarray]:
         placement = at.placement(self.frame, self.offset)
-        return rotation_between(placement.rotation @ self.axis, self._direction(placement.translation)[0])
+        return placement.rotation @ self.axis, self._direction(placement.translation)[0]
 
     def jacobian(self, at: Configuration) -> np.ndarray:
         """Jacobian (3, n) [rad/rad] of rank 2."""
-        d, distance = self._direction(at.placement(self.frame, self.offset).translation)
-        J = at.jacobian(self.frame, self.offset)
-        D = skew(d)
-        turn = J[3:] if distance is None else J[3:] + D @ J[:3] / distance
-        return -D @ D @ turn  # -D D takes out what is along d
+        placement, J = at.placement(self.frame, self.offset), at.jacobian(self.frame, self.offset)
+        d, distance = self._direction(placement.translation)
+        turn = J[3:] if distance is None else J[3:] + skew(d) @ J[:3] / distance
+        return across(placement.rotation @ self.axis) @ turn
 
     def _direction(self, origin: np.ndarray) -> tuple[np.ndarray, float | None]:
         """The desired direction (3,) from a frame's origin (3,), and the distance [m] of what is looked at."""
         raise NotImplementedError
+
+
+def across(a: np.ndarray) -> np.ndarray:
+    """The projection (3, 3) that takes out of a vector what is along the unit vector a (3,)."""
+    return np.eye(3) - np.outer(a, a)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +133,11 @@ class AxisTask(_DirectionTask):
 
 @dataclass(frozen=True, kw_only=True)
 class LookAtTask(_DirectionTask):
-    """An axis of a frame, such as a camera's, is to point at a point, or at the origin of a target pose."""
+    """An axis of a frame, such as a camera's, is to point at a point, or at the origin of a target pose.
+
+    At the point itself no direction is right: where a level below may draw the frame there, a `DistanceLimit` keeps it
+    away.
+    """
 
     point: Any = None
     """(3,) in the base [m]; None: the origin of the target, or what a call gives by the task's key, a point or a

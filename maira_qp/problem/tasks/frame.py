@@ -160,6 +160,15 @@ class FrameTask(TargetTask):
             e = (e.reshape(2, 3) @ self.target.rotation).ravel()
         return e[self.kept]
 
+    def change(self, at: Configuration, before: Configuration, after: Configuration) -> np.ndarray:
+        """What a motion changes of the error (m,); for even weights of the turn, how the frame has turned."""
+        if not self._turns_evenly:
+            return super().change(at, before, after)
+        e = frame_error(after.placement(self.frame, self.offset), before.placement(self.frame, self.offset))
+        if self.axes == "target":
+            e = (e.reshape(2, 3) @ self.target.rotation).ravel()
+        return e[self.kept]
+
     def jacobian(self, at: Configuration) -> np.ndarray:
         """Jacobian (m, n): the error falls by J dq. Even weights: the geometric Jacobian in base axes."""
         return self._in_task_axes(at.jacobian(self.frame, self.offset)) if self._turns_evenly else self._derivative(at)

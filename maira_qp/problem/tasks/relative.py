@@ -71,6 +71,12 @@ class RelativePoseTask(TargetTask):
         """Error (m,) [m, rad] in the axes of the reference, the rows that count."""
         return frame_error(self.actual(at), self.target)[self.kept]
 
+    def change(self, at: Configuration, before: Configuration, after: Configuration) -> np.ndarray:
+        """What a motion changes of the error (m,); for even weights of the turn, how the frame has turned."""
+        if (self.all_weights[3:] != self.all_weights[3]).any():
+            return super().change(at, before, after)
+        return frame_error(self.actual(after), self.actual(before))[self.kept]
+
     def jacobian(self, at: Configuration) -> np.ndarray:
         """Jacobian (m, n): how the frame moves as seen from the reference; of uneven turns how the error falls."""
         frame, reference = at.placement(self.frame, self.offset), at.placement(self.reference)

@@ -80,6 +80,10 @@ class SwivelTask(Task):
         angle = self.swivel(at)
         return np.array([0.0 if angle is None else math.remainder(self.angle - angle, math.tau)])
 
+    def change(self, at: Configuration, before: Configuration, after: Configuration) -> np.ndarray:
+        """What a motion changes of the error (1,) [rad], the short way round."""
+        return np.array([math.remainder(float(super().change(at, before, after)[0]), math.tau)])
+
     def jacobian(self, at: Configuration) -> np.ndarray:
         """Derivative (1, n) of the swivel angle."""
         elbow, side, up, length = self._plane(at)

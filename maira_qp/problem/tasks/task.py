@@ -54,6 +54,9 @@ from maira_qp.robots.model.robot import Robot
 NUDGE = 1e-5
 """Of the joints, where a Jacobian is differentiated by differences [rad or m]"""
 
+NOISE = 1e-9
+"""Of such derivatives, what is smaller as a share of the largest is rounding, about 1e-16 / NUDGE."""
+
 WEIGHTS = ("weight", "position_weight", "orientation_weight")
 """Fields of tasks that hold weights."""
 
@@ -171,7 +174,7 @@ class Task(ABC):
             return np.zeros((at.n, at.n))
         pull, nudges = np.asarray(self.weights) * multipliers, NUDGE * np.eye(at.n)
         C = np.array([pull @ (self.jacobian(at.moved(dq)) - self.jacobian(at.moved(-dq))) for dq in nudges])
-        return (C + C.T) / (4 * NUDGE)
+        return without_noise((C + C.T) / (4 * NUDGE))
 
     def residual_curvature(self, at: Configuration, residual: np.ndarray) -> np.ndarray:
         """What is left of `hessian(at) - A^T A` (n, n) where only `residual` (m,) of the weighted error W e stays.
@@ -183,7 +186,7 @@ class Task(ABC):
             return np.zeros((at.n, at.n))
         ways = [(self.rows(at.moved(dq)), self.rows(at.moved(-dq))) for dq in NUDGE * np.eye(at.n)]
         H = np.array([back[1] @ back[0] - ahead[1] @ ahead[0] for ahead, back in ways]) / (2 * NUDGE)
-        return float(np.linalg.norm(residual) / np.linalg.norm(r)) * (0.5 * (H + H.T) - A.T @ A)
+        return float(np.linalg.norm(residual) / np.linalg.norm(r)) * without_noise(0.5 * (H + H.T) - A.T @ A)
 
     def hessian(self, at: Configuration) -> np.ndarray:
         """Hessian (n, n) of `1/2 |W e|^2`, of any definiteness; Gauss-Newton's where the exact one is unknown."""
@@ -199,6 +202,17 @@ class Task(ABC):
         """Whether the parts of `residual` in metres, and in radians, say something: False for what is left free."""
         return type(self).residual is not Task.residual, True
 
+    def change(self, at: Configuration, before: Configuration, after: Configuration) -> np.ndarray:
+        """What a motion changes of the error (m,), as the rows of a configuration near by tell it: `-jacobian @ dq`.
+
+        To first order; the error's own difference, unless the rows are not its derivative.
+        """
+        return self.error(after) - self.error(before)
+
+    def weighted_change(self, at: Configuration, before: Configuration, after: Configuration) -> np.ndarray:
+        """The same, weighted."""
+        return self.weights * self.change(at, before, after)
+
     def weighted_error(self, at: Configuration) -> np.ndarray:
         """W e (m,), computed once for a configuration."""
         kept = at.kept.get((id(self), "error"))
@@ -213,6 +227,11 @@ class Task(ABC):
             weights = np.asarray(self.weights).reshape(-1, 1)
             kept = at.kept[id(self), "jacobian"] = (self, weights * self.jacobian(at))
         return kept[1], self.weighted_error(at)
+
+
+def without_noise(C: np.ndarray) -> np.ndarray:
+    """A derivative (n, n) by differences, 0 where it is rounding: a joint that moves nothing bends nothing."""
+    return np.where(np.abs(C) < NOISE * np.abs(C).max(initial=0.0), 0.0, C)
 
 
 def check_place(priority: object, gain: object) -> None:

@@ -10,7 +10,9 @@ shortened until it is safe: until
   `Options.level_position_tolerance` and `Options.level_orientation_tolerance`;
 - no limit is broken that the QP knows to first order only, there or while the arm brakes from there.
 
-What cannot be made safe is left out.
+What a motion takes from the levels above by their curvature is given back first, by the least displacement that their
+rows tell (second-order correction: Nocedal and Wright, "Numerical Optimization", 2006, section 18.3), so that a
+self-motion is as fast as the joints are. What cannot be made safe is left out.
 
 Limits with rows that are broken at the beginning are undone first, by a level above the others; a joint outside its own
 limits comes back because its box says so.
@@ -36,7 +38,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maira_qp.problem.limits.joint import Bounds, Tick, stopping_displacement
+from maira_qp.problem.limits.joint import FEASIBILITY, Bounds, Tick, stopping_displacement
 from maira_qp.problem.objectives import Posture
 from maira_qp.problem.options import Options
 from maira_qp.problem.qp.costs import LevelObjective, TaskCost
@@ -56,6 +58,7 @@ from maira_qp.solvers.reference.step_models import (
     Reach,
     TickModel,
     are_reached,
+    dependent,
     is_near,
     tick_models,
 )
@@ -74,6 +77,9 @@ ARMIJO = 0.05
 
 ROUNDING = 1e-14
 """What a merit may rise for rounding, relative to one more than the cost."""
+
+RETURNS = 2
+"""Times that what a step takes from the levels above is given back."""
 
 CORRECTIONS = 2
 """Times that bent limits are linearised anew to correct a step."""
@@ -110,12 +116,19 @@ class _Model:
         level = replace(self.level, H=self.level.H + C)
         return replace(self, model=replace(self.model, level=level))
 
-    def errors(self, at: Configuration) -> np.ndarray:
-        """Weighted errors (m,) of the rows of the level, zero for the directions in which it bends."""
+    @property
+    def rows(self) -> np.ndarray:
+        """Rows (m, n) that `changes` tells of."""
         if self.replaced:
-            return np.concatenate([model.errors(at) for model in self.replaced])
-        errors = [task.weighted_error(at) for task in self.tasks if not task.is_wish]
-        return np.concatenate([*errors, np.zeros(self.model.bent)])
+            return np.vstack([model.rows for model in self.replaced])
+        return self.level.rows[:0] if self.to_first_order else self.level.rows
+
+    def changes(self, at: Configuration, before: Configuration, after: Configuration) -> np.ndarray:
+        """What a motion changes of the weighted errors (m,) of its rows; nothing of directions in which it bends."""
+        if self.replaced:
+            return np.concatenate([model.changes(at, before, after) for model in self.replaced])
+        changes = [task.weighted_change(at, before, after) for task in self.tasks if not task.is_wish]
+        return np.concatenate([*changes, np.zeros(self.model.bent)])
 
     def shares(self, at: Configuration, options: Options) -> np.ndarray:
         """What is left of the tasks' errors, or of the cost if there is none, by what the levels below may add."""
@@ -159,33 +172,33 @@ def tick(
     levels = [model.level for model in models]
     if np.isfinite(robot.acceleration_limit).any():
         levels, bounds = _slowed(models, at, context, now, bounds)
-    displacements = _in_pace(levels, bounds, at, context, now, end)
+    displacements, solved = _in_pace(levels, bounds, at, context, now, end)
     dq = np.clip(_safe(models, at, displacements, context, bounds, now), bounds.lower, bounds.upper)
     q, velocity = _moved(at, dq, robot, now.dt)
-    wanted = displacements[-1] if displacements else np.full(at.n, np.inf)
-    gradient = max((model.model.gradient for model in models if model.tasks), default=0.0)
+    wanted = displacements[-1] if solved else np.full(at.n, np.inf)
     tasks = [task for model in models for task in model.tasks]
-    status = _status(tasks, robot.at(q), velocity, wanted / now.dt, gradient, context)
+    status = _status(tasks, robot.at(q), velocity, wanted / now.dt, context)
     return q, velocity, status
 
 
 def _in_pace(
     levels: Sequence[Level], bounds: Bounds, at: Configuration, context: Context, now: Tick, end: float | None
-) -> list[np.ndarray]:
+) -> tuple[list[np.ndarray], bool]:
     """The displacements (n,) of the levels, the pull of each reduced until they are as slow as limits on speed ask.
 
-    A level that is too fast moves in the same direction, but for what joint limits hold up of it.
+    And whether all levels could be solved. A level that is too fast moves in the same direction, but for what joint
+    limits hold up of it.
     """
     levels = list(levels)
-    displacements = solve_each_level(levels, bounds, context.backend, end)
+    displacements, solved = solve_each_level(levels, bounds, context.backend, end)
     for _ in range(SLOWINGS if context.is_paced else 0):
         paces = [context.pace(at, dq, now) for dq in displacements]
         fast = next((k for k, pace in enumerate(paces) if pace > 1.0 + CLOSE and levels[k].c.any()), None)
         if fast is None:
             break
         levels[fast] = replace(levels[fast], c=levels[fast].c / paces[fast])
-        displacements = solve_each_level(levels, bounds, context.backend, end)
-    return displacements
+        displacements, solved = solve_each_level(levels, bounds, context.backend, end)
+    return displacements, solved
 
 
 def brake(at: Configuration, context: Context, now: Tick) -> tuple[np.ndarray, np.ndarray]:
@@ -212,10 +225,9 @@ def _status(
     at: Configuration,
     velocity: np.ndarray,
     wanted: np.ndarray,
-    gradient: float,
     context: Context,
 ) -> StepStatus:
-    """What the arm is doing; `wanted` (n,) is the velocity that the QPs ask for, gradient the tasks' free one."""
+    """What the arm is doing; `wanted` (n,) is the velocity that the QPs ask for: none at a stationary point."""
     slow = resting_speed(context.robot)
     moves = bool((np.abs(velocity) > slow).any())
     if are_reached(tasks, at, context.options) and not (moves and any(task.is_of_ticks for task in tasks)):
@@ -224,7 +236,8 @@ def _status(
         return StepStatus.MOVING
     if (np.abs(wanted) > slow).any():
         return StepStatus.STUCK
-    return StepStatus.NEAREST if gradient <= context.options.stationarity_tolerance else StepStatus.MOVING
+    least = min((task.gain for task in tasks), default=1.0)
+    return StepStatus.MOVING if (np.abs(wanted) > least * slow).any() else StepStatus.NEAREST
 
 
 def resting_speed(robot: Robot) -> np.ndarray:
@@ -263,7 +276,7 @@ def _back_inside(at: Configuration, context: Context, bounds: Bounds) -> list[_M
     if bounds.broken is None:
         return []
     still = Level(FAINT * np.eye(at.n), np.zeros(at.n), np.empty((0, at.n)), wishes=bounds.broken)
-    return [_Model(context.breach, (), TickModel(still, np.empty(0), 0, 0.0))]
+    return [_Model(context.breach, (), TickModel(still, np.empty(0), 0))]
 
 
 def _models(
@@ -363,13 +376,13 @@ def _directed(first: LevelObjective, models: Sequence[_Model], at: Configuration
         c = c + each.gain * each.weight * each.objective.gradient(at)
     upper = Level(across.T @ across, np.zeros(at.n), across).damped(mu)
     lower = Level(H, c, along[None], wishes=first.tasks.wishes(at, now)).damped(mu)
-    gradient, nothing = max(model.model.gradient for model in models), np.empty(0)
-    below = _Model(first.cost, first.tasks.tasks, TickModel(lower, nothing, 0, gradient), tuple(models))
+    nothing = np.empty(0)
+    below = _Model(first.cost, first.tasks.tasks, TickModel(lower, nothing, 0), tuple(models))
 
     def left_across(there: Configuration) -> float:
         return 0.5 * float((there.q - at.q) @ upper.H @ (there.q - at.q))
 
-    return [_Model(left_across, (), TickModel(upper, nothing, 0, 0.0), to_first_order=True), below]
+    return [_Model(left_across, (), TickModel(upper, nothing, 0), to_first_order=True), below]
 
 
 def _slowed(
@@ -377,7 +390,7 @@ def _slowed(
 ) -> tuple[list[Level], Bounds]:
     """The levels with their pull reduced, and the bounds narrowed, until every joint can stop where the levels end."""
     levels, timeless = [model.level for model in models], context.bounds(at)
-    way = _safe(models, at, solve_each_level(levels, timeless, context.backend), context, timeless)
+    way = _safe(models, at, solve_each_level(levels, timeless, context.backend)[0], context, timeless)
     change, moves = context.robot.acceleration_limit * now.dt**2, way != 0
     share = np.min(stopping_displacement(way, change)[moves] / way[moves], initial=1.0)
     return [replace(level, c=share * level.c) for level in levels], bounds.along(way, change)
@@ -403,35 +416,67 @@ def _safe(
     fastest = 0.0 if now is None else max(1.0, context.pace(at, dq, now))
     for k, displacement in enumerate(displacements):
         model, above, part = models[k], models[:k], displacement - solved
-        before, errors, share = model.value(there), _errors(above, there), 1.0
+        before, share = model.value(there), bounds.share_inside(dq, part)
         if now is not None:
-            share = context.share_in_pace(at, dq, part, fastest, now)
+            share *= context.share_in_pace(at, dq, share * part, fastest, now)
         most = before + ROUNDING * (1 + abs(before))
         slope = ARMIJO * min(float((model.level.c + model.level.H @ solved) @ part), 0.0)
         solved = displacement
+        give_back = None if now is None else _giving_back(above, displacement, bounds)
         for _ in range(HALVINGS):
-            step, shrink = dq + share * part, 0.5
-            if broken is not None and now is not None:
-                step = _brought_back(at, step, broken, context, bounds, now)
-            if step is not None and bounds.contain(step) and (now is None or context.pace(at, step, now) <= fastest):
-                trial = at.moved(step)
-                loss = float((_shares(above, trial, context.options) - kept).max(initial=0.0))
-                merit = model.value(trial)
-                if now is not None:
-                    merit -= model.model.multipliers @ (_errors(above, trial) - errors)
-                if loss <= most_loss and merit <= most + share * slope:
-                    dq, there = step, trial
+            step, trial, shrink, done, off = dq + share * part, there, 0.5, False, 0.0
+            for given in range(1 if give_back is None else RETURNS + 1):
+                if broken is not None and now is not None:
+                    step = _brought_back(at, step, broken, context, bounds, now)
+                if (
+                    step is None
+                    or not bounds.contain(step)
+                    or (now is not None and context.pace(at, step, now) > fastest)
+                ):
+                    shrink, done = 0.8 if given else 0.5, False
                     break
-                if loss > most_loss:  # of second order
-                    shrink = max(0.1, min(0.9 / math.sqrt(loss), 0.8))
+                trial = at.moved(step)
+                merit, changes = model.value(trial), _changes(above, at, there, trial)
+                loss = float((_shares(above, trial, context.options) - kept).max(initial=0.0))
+                if now is not None:
+                    merit -= model.model.multipliers @ changes
+                done = loss <= most_loss and merit <= most + share * slope
+                shrink = 0.5 if loss <= most_loss else max(0.1, min(0.9 / math.sqrt(loss), 0.8))  # of second order
+                if give_back is None or given == RETURNS:
+                    break
+                off, before_it = float(np.abs(changes).max()), off
+                if done and off <= context.options.level_orientation_tolerance:
+                    break
+                if given and off > 0.5 * before_it:
+                    break  # too long a way for rows of where it began
+                step = step + give_back(changes)
+            if done and step is not None:
+                dq, there = step, trial
+                break
             share *= shrink
         kept = np.concatenate([kept, model.shares(there, context.options)])
     return dq
 
 
-def _errors(models: Sequence[_Model], at: Configuration) -> np.ndarray:
-    """Weighted errors (m,) of all rows of some levels."""
-    return np.concatenate([np.empty(0), *(model.errors(at) for model in models)])
+def _giving_back(
+    above: Sequence[_Model], displacement: np.ndarray, bounds: Bounds
+) -> Callable[[np.ndarray], np.ndarray] | None:
+    """The least displacement (n,) that takes away what is given of the errors (m,) of the levels above, by their rows.
+
+    In the joints that do not stand at a bound of the tick; None where there are no rows.
+    """
+    held = (displacement <= bounds.lower + FEASIBILITY) | (displacement >= bounds.upper - FEASIBILITY)
+    K = np.vstack([np.empty((0, len(held))), *(model.rows for model in above)])
+    if not len(K):
+        return None
+    K = np.where(held, 0.0, K)
+    M = K @ K.T + dependent(K) * np.eye(len(K))
+    return lambda errors: K.T @ np.linalg.solve(M, errors)
+
+
+def _changes(models: Sequence[_Model], at: Configuration, before: Configuration, after: Configuration) -> np.ndarray:
+    """What a motion changes of the weighted errors (m,) of all rows of some levels."""
+    return np.concatenate([np.empty(0), *(model.changes(at, before, after) for model in models)])
 
 
 def _shares(models: Sequence[_Model], at: Configuration, options: Options) -> np.ndarray:

@@ -21,6 +21,9 @@ Wright, "Numerical Optimization", 2006, section 18.1): the arm comes to rest. Th
 too, and vanishes with the gradient (as proposed by Fan and Yuan, "On the quadratic convergence of the
 Levenberg-Marquardt method without nonsingularity assumption", 2005).
 
+A level that cannot reach its targets has dry friction: along directions in which its cost hardly falls, as with joint
+angles that a model gives with few digits, an arm would go on for ever.
+
 The levels below must leave a level's rows as they are. Where it bends, its rows do not feel every displacement that
 would cost it: those directions in the null space of its rows in which its Hessian has curvature are rows as well.
 """
@@ -35,7 +38,7 @@ import numpy as np
 from maira_qp.problem.limits.joint import Bounds
 from maira_qp.problem.options import Options
 from maira_qp.problem.qp.costs import HESSIAN_RANK_THRESHOLD, LevelObjective, TaskCost
-from maira_qp.problem.qp.hierarchy import RANK_THRESHOLD, Level, largest_row, null_space, subspace
+from maira_qp.problem.qp.hierarchy import Level, largest_row, null_space, subspace
 from maira_qp.problem.tasks.task import Task
 from maira_qp.robots.model.configuration import Configuration
 
@@ -73,8 +76,9 @@ STATIONARY = 0.1
 How directions bend in which a level above does, nothing tells: below such a level no curvature is known to be negative.
 """
 
-WORTH = 2e-9
-"""A share of |r'| sqrt(max |H|): a step that takes away less than this of the error per rad or m is not taken."""
+FRICTION = 0.7
+"""A share of `Options.stationarity_tolerance` times |r'| sqrt(max |H|): the gradient below which a level rests, a
+little less than what counts as stationary."""
 
 FAINT = 1e-5
 """The same share of |r| sqrt(max |H|) where the targets are reached within the tolerances."""
@@ -84,6 +88,13 @@ LEAST_DAMPING = 1e-7
 
 STEEP = 1e-5
 """The damping falls with the gradient to this share of what it is far from rest."""
+
+STANDING = 1e-8
+"""A joint as near to a limit stands on it [rad or m]."""
+
+RANK = 1e-10
+"""Share of the longest row of a level below which one counts as none: those of angles that a model gives with ten
+digits say nothing, and a tick along them costs the level that share."""
 
 TINY = 1e-30
 
@@ -98,6 +109,8 @@ class Reach:
     """(n,) joints whose lower limit is near"""
     at_upper: np.ndarray
     """(n,) joints whose upper limit is near"""
+    standing: np.ndarray
+    """(n,) joints that stand on a limit"""
     G: np.ndarray
     """(k, n) rows of further limits that are near"""
 
@@ -107,7 +120,8 @@ class Reach:
         reach = np.minimum(step, NEAR)
         near = is_near((bounds.G, bounds.h), step)
         locked = timeless.lower >= timeless.upper
-        return Reach(locked, timeless.lower >= -reach, timeless.upper <= reach, bounds.G[near])
+        standing = (timeless.lower >= -STANDING) | (timeless.upper <= STANDING)
+        return Reach(locked, timeless.lower >= -reach, timeless.upper <= reach, standing, bounds.G[near])
 
 
 def is_near(rows: tuple[np.ndarray, np.ndarray], step: np.ndarray) -> np.ndarray:
@@ -125,8 +139,6 @@ class TickModel:
     """(m,) of the rows of the levels above, that balance the level's gradient"""
     bent: int
     """How many of its rows are directions in which it bends, behind those of its tasks"""
-    gradient: float
-    """Norm of its gradient where nothing holds it, as a share of |r'| sqrt(max |H|) where that is larger than 1"""
 
 
 def are_reached(tasks: Iterable[Task], at: Configuration, options: Options) -> bool:
@@ -163,10 +175,12 @@ def tick_models(levels: Sequence[LevelObjective], at: Configuration, reach: Reac
             bent = bent_directions(np.vstack([K, A]), C, reach.locked, flat)
         rows = np.vstack([A, bent])
         saddle = SADDLE * size if steep <= STATIONARY * squared and not is_bent else np.inf
-        model = Level(H, level.pull(at), rows, level.cost(at), float(r @ r))
+        model = Level(H, level.pull(at), rows, level.cost(at), float(r @ r), rank_threshold=RANK)
         still = FAINT * float(np.sqrt(r @ r * largest)) if are_reached(level.tasks.tasks, at, options) else 0.0
-        model = replace(model, saddle=saddle if bends else None, still=max(still, WORTH * size if bends else 0.0))
-        models.append(TickModel(model.damped(mu), pressed[len(G) :], len(bent), free / max(1.0, size)))
+        rough = FRICTION * options.stationarity_tolerance * size
+        model = replace(model, saddle=saddle if bends else None, still=max(still, rough if bends else 0.0))
+        model = replace(model, leaning=held & reach.standing)
+        models.append(TickModel(model.damped(mu), pressed[len(G) :], len(bent)))
         K, is_bent = np.vstack([K, rows]), is_bent or (bends and len(bent) > 0)
     return models
 
@@ -200,14 +214,14 @@ def holding(K: np.ndarray, g: np.ndarray, reach: Reach) -> tuple[np.ndarray, np.
 def balance(K: np.ndarray, g: np.ndarray, held: np.ndarray) -> np.ndarray:
     """Multipliers (m,) of the rows K (m, n) that balance a gradient (n,) on the joints that nothing holds."""
     K = np.where(held, 0.0, K)
-    return -np.linalg.solve(K @ K.T + _dependent(K) * np.eye(len(K)), K @ g)
+    return -np.linalg.solve(K @ K.T + dependent(K) * np.eye(len(K)), K @ g)
 
 
 def left_to_level(above: Sequence[np.ndarray], held: np.ndarray) -> np.ndarray:
     """A basis (n, k) of the null space of the rows of each level above, in the joints that are not `held` (n,)."""
     Z = np.eye(len(held))[:, ~held]
     for rows in above:
-        Z = subspace(Z, rows, RANK_THRESHOLD)
+        Z = subspace(Z, rows, RANK)
     return Z
 
 
@@ -245,7 +259,8 @@ def bent_directions(rows: np.ndarray, C: np.ndarray, locked: np.ndarray, flat: f
     return np.where(np.abs(bent) > UNKNOWN, bent, 0.0)
 
 
-def _dependent(K: np.ndarray) -> float:
+def dependent(K: np.ndarray) -> float:
+    """What is added to the diagonal of `K K^T`, K (m, n), whose rows may depend on each other."""
     return DEPENDENT**2 * float((K * K).sum()) + TINY
 
 

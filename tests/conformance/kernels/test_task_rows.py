@@ -10,7 +10,14 @@ from support.compiled_problems import arm, few, first_in_plain_python
 from support.derivatives import assert_close, difference_gradient, difference_jacobian
 
 import maira_qp as mq
-from maira_qp.kernels.control.level_models import add_curvature, level_costs, level_model
+from maira_qp.kernels.control.level_models import (
+    add_curvature,
+    level_costs,
+    level_model,
+    note_start,
+    note_where,
+    row_changes,
+)
 from maira_qp.kernels.control.step_workspace import carve_step_work
 from maira_qp.kernels.layout import Place, Step, TaskRow
 from maira_qp.kernels.spatial.so3 import bend_of_logarithm, inverse_right_jacobian
@@ -71,6 +78,22 @@ def model_into(tree, parents, tasks, places, objectives, targets, q, x, memory, 
     copy(work.H[1], out.bend)
 
 
+@njit(_nrt=False)
+def changes_into(tree, parents, tasks, places, objectives, targets, q, there, ahead, memory, index, changes):
+    """What the way from there to ahead changes of the rows of the first level at q."""
+    work = carve_step_work(len(q), len(tasks), len(changes), len(objectives), memory, index)
+    copy(targets, work.targets)
+    work.fade[0] = 1.0
+    level_costs(tree, parents, tasks, places, objectives, work, q, work.values)
+    level_model(tree, parents, tasks, places, objectives, 0, work, q)
+    note_start(work)
+    level_costs(tree, parents, tasks, places, objectives, work, there, work.values)
+    note_where(work)
+    level_costs(tree, parents, tasks, places, objectives, work, ahead, work.values)
+    changes[:] = 0.0
+    row_changes(tasks, places, 1, work, changes)
+
+
 class Kernel:
     """The kernel's view of one task with a target of its own, above a posture."""
 
@@ -90,6 +113,15 @@ class Kernel:
         x = np.zeros(n) if x is None else x
         model_into(p.tree, p.parents, p.tasks, p.places, p.objectives, targets, q, x, *work, out)
         return out
+
+    def changes(self, q: np.ndarray, there: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+        """What a way from there to ahead changes of its weighted errors, from work that holds rubbish."""
+        p = self.problem
+        floats, integers = p.sizes
+        targets = np.ascontiguousarray(p.tasks[:, TaskRow.TARGET : TaskRow.TARGET + 12])
+        work, changes = (np.full(floats, np.nan), np.full(integers, -(2**62))), np.empty(int(p.numbers[Step.ROWS]))
+        changes_into(p.tree, p.parents, p.tasks, p.places, p.objectives, targets, q, there, ahead, *work, changes)
+        return changes
 
 
 def tasks_of(robot: mq.Robot, rng: np.random.Generator, target: pin.SE3) -> dict[str, Task]:
@@ -158,6 +190,21 @@ def test_each_kind_is_the_task_of_its_class(name, rng):
             ):
                 within = 1e-4 if by_differences else 1e-11
                 assert np.abs(found - expected).max() < within * max(1.0, np.abs(expected).max()), label
+
+
+@pytest.mark.parametrize("name", first_in_plain_python(*ROBOTS))
+def test_changes_are_those_of_the_class(name, rng):
+    """Of short and of long ways. The rows may have other axes, so what counts is what they pull at the joints."""
+    robot = arm(name)
+    for k, (q, target) in enumerate(cases(robot, rng, few(10))):
+        there = q + (0.0, 0.1, 1.0)[k % 3] * rng.normal(size=robot.n)
+        ahead = there + (1e-4, 0.1, 1.0)[k % 3] * rng.normal(size=robot.n)
+        for label, task in tasks_of(robot, rng, target).items():
+            kernel = Kernel(robot, task)
+            rows, change = task.rows(robot.at(q))[0], task.weighted_change(*map(robot.at, (q, there, ahead)))
+            told, changed = kernel(q).rows, kernel.changes(q, there, ahead)
+            off = told.T @ changed[: len(told)] - rows.T @ change
+            assert np.abs(off).max() < 1e-11 * max(1.0, np.abs(rows.T @ change).max()), label
 
 
 @pytest.mark.parametrize("name", first_in_plain_python(*ROBOTS))

@@ -29,9 +29,12 @@ def angle(a: np.ndarray, b: np.ndarray) -> float:
 
 @pytest.mark.parametrize("name", ["maira", "panda", "ur5", "tiago", "kr210", "baxter_arms"])
 def test_the_motion_is_scaled_and_as_long_as_the_speeds_allow(name, rng):
-    """To first order parallel to what was asked for, all tips by one factor, at least one joint at its speed."""
+    """To first order parallel to what was asked for, all tips by one factor, at least one joint at its speed.
+
+    And a posture below leaves it so, but for what a level may lose.
+    """
     robot = robot_of(name)
-    solver, bent = mq.Solver(robot, redundancy=POSTURE), 0.0
+    solver, below, bent = mq.Solver(robot, redundancy=None), mq.Solver(robot, redundancy=POSTURE), 0.0
     for _ in range(15):
         q, targets, e = ask(robot, rng)
         J = np.vstack([robot.jacobian(q, tip) for tip in robot.tips])
@@ -44,6 +47,10 @@ def test_the_motion_is_scaled_and_as_long_as_the_speeds_allow(name, rng):
         )
         assert room.min() < 1e-6
         bent = max(bent, angle(J @ (solver.step(q, targets, 0.01).q - q), e))
+        with_posture = below.step(q, targets, 0.01, keep_direction=True).q
+        for tip in robot.tips:
+            off = mq.pose_error(robot.forward(t.q, tip), robot.forward(with_posture, tip))
+            assert np.abs(off).max() <= 10 * below.options.level_position_tolerance
     assert bent > 0.3
 
 

@@ -112,7 +112,7 @@ def test_no_level_disturbs_one_above_it(name, rng):
         mu = 1e-9 * np.abs(levels[0].H).max()
         levels[0] = levels[0].damped(mu)
         levels[1] = type(levels[1])(**{**vars(levels[1]), "wishes": wished})
-        displacements = solve_each_level(levels, bounds, backend)
+        displacements = solve_each_level(levels, bounds, backend)[0]
         last = displacements[-1]
         for level, dq in zip(levels, displacements, strict=False):
             if level.rank_threshold < 1e-10:  # rows of tasks

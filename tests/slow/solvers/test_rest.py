@@ -113,6 +113,38 @@ def test_rows_of_rounded_right_angles_keep_no_arm_moving(within_reach, seeds, ba
         assert step.status == mq.StepStatus.NEAREST, seed
 
 
+def random_task(robot, priority, rng):
+    """A position, an orientation, a look or an axis, of the tip or of a link, as often out of reach as within."""
+    frame = robot.tip if rng.random() < 0.5 else robot.moved_links[int(rng.integers(2, len(robot.moved_links)))]
+    place = {"frame": frame, "priority": priority}
+    reached, far = robot.forward(robot.random_configuration(rng), frame), mq.pose(rng.uniform(-1.5, 1.5, 3))
+    return (
+        lambda: mq.PositionTask(target=reached if rng.random() < 0.5 else far, **place),
+        lambda: mq.OrientationTask(target=reached, **place),
+        lambda: mq.LookAtTask(point=rng.uniform(-1.5, 1.5, 3), **place),
+        lambda: mq.AxisTask(direction=rng.normal(size=3), **place),
+    )[int(rng.integers(4))]()
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 5])
+@pytest.mark.parametrize("name", ["maira", "iiwa14", "panda", "ur5", "xarm7", "talos_arm"])
+def test_random_levels_come_to_rest(name, count):
+    """Of every kind, above a posture or not: of twenty scenes one may still move after 20 s."""
+    robot = {"maira": mq.Robot.maira, "iiwa14": mq.Robot.iiwa14}.get(name, lambda: load(name))()
+    moving = []
+    for seed in range(20):
+        rng = np.random.default_rng([seed, count])
+        tasks = [random_task(robot, priority, rng) for priority in range(1, count + 1)]
+        posture = mq.Strict(mq.Posture()) if rng.random() < 0.7 else None
+        solver = mq.Solver(robot, task=tasks, redundancy=posture)
+        step, quiet = until_rest(solver, robot.random_configuration(rng))
+        if quiet:
+            assert step.status in (mq.StepStatus.NEAREST, mq.StepStatus.ARRIVED, mq.StepStatus.STUCK), seed
+        else:
+            moving.append(seed)
+    assert len(moving) <= 1, moving
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("name", ["maira", "iiwa14"])
 def test_a_stretched_arm_leaves_its_singular_zeros(name, backend):

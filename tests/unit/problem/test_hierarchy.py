@@ -1,5 +1,7 @@
 """The strict hierarchy: no level is felt by the ones above it, whatever limits are active."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import qpsolvers
@@ -92,7 +94,7 @@ def test_every_backend_keeps_the_hierarchy_with_several_redundant_degrees(name, 
         lower, upper = -rng.uniform(0, 1, 9), rng.uniform(0, 1, 9)
         lower[rng.random(9) < 0.3] = 0
         bounds = box(lower, upper)
-        one, two, three = solve_each_level(levels, bounds, backend)
+        one, two, three = solve_each_level(levels, bounds, backend)[0]
         assert np.abs(J1 @ (two - one)).max() <= 1e-9
         assert np.abs(J1 @ (three - one)).max() <= 1e-9
         assert np.abs(J2 @ (three - two)).max() <= 1e-9
@@ -106,7 +108,7 @@ def test_a_careless_backend_costs_optimality_but_neither_limits_nor_hierarchy(rn
         J1 = rng.normal(size=(3, 8))
         pose, posture = least_squares(J1, 3 * rng.normal(size=3)), Level(np.eye(8), 3 * rng.normal(size=8), np.eye(8))
         bounds = box(-rng.uniform(0, 1, 8), rng.uniform(0, 1, 8))
-        one, two = solve_each_level([pose, posture], bounds, careless)
+        one, two = solve_each_level([pose, posture], bounds, careless)[0]
         assert (two >= bounds.lower).all()
         assert (two <= bounds.upper).all()
         assert np.abs(J1 @ (two - one)).max() <= 1e-9
@@ -175,8 +177,8 @@ def test_a_level_that_says_nothing_new_takes_no_freedom(rng):
     bounds = box(-np.ones(6), np.ones(6))
     first, last = least_squares(J1, 0.1 * rng.normal(size=3)), least_squares(J3, 0.1 * rng.normal(size=3))
     again = least_squares(rng.normal(size=(3, 3)) @ J1, rng.normal(size=3))
-    _, _, with_it = solve_each_level([first, again, last], bounds, DAQP)
-    _, without = solve_each_level([first, last], bounds, DAQP)
+    _, _, with_it = solve_each_level([first, again, last], bounds, DAQP)[0]
+    _, without = solve_each_level([first, last], bounds, DAQP)[0]
     assert np.abs(with_it - without).max() < 1e-9
 
 
@@ -208,3 +210,38 @@ def test_the_projected_gradient_vanishes_exactly_where_limits_or_rows_hold_the_g
     ) == pytest.approx(1.5)
     # a limit that is near but not reached does not hold it up
     assert projected_gradient(g, none, box([-1e-6, -1e-6, -1], [1e-6, 1e-6, 1]), DAQP) >= 1e-3
+
+
+def test_where_a_backend_finds_no_point_a_lower_level_is_solved_all_the_same(rng):
+    """In corners of limits, where z = 0 is feasible: as good as where the backend answers."""
+
+    class Silent(Backend):
+        def solve(self, qp):
+            return replace(super().solve(qp), found=not len(qp.h))
+
+    for _ in range(20):
+        n = 7
+        J, A = rng.normal(size=(3, n)), rng.normal(size=(n, n))
+        bounds = Bounds(-rng.random(n), rng.random(n) * (rng.random(n) < 0.5), np.empty((0, n)), np.empty(0))
+        levels = [Level(J.T @ J + 1e-3 * np.eye(n), rng.normal(size=n), J), Level(A @ A.T, rng.normal(size=n), A[:0])]
+        (_, alone), solved = solve_each_level(levels, bounds, Silent("daqp"))
+        (_, asked), _ = solve_each_level(levels, bounds, DAQP)
+        assert solved
+        np.testing.assert_allclose(alone, asked, rtol=0, atol=1e-7)
+
+
+def test_friction_holds_a_level_up_whose_gradient_is_small_and_no_other(rng):
+    """Steep and flat directions: `c + H s + still s / |s| = 0` for its step s; none where |c| is below still."""
+    wide = Bounds(-np.full(4, np.inf), np.full(4, np.inf), np.empty((0, 4)), np.empty(0))
+    for _ in range(200):
+        Q, curvature = np.linalg.qr(rng.normal(size=(4, 4)))[0], 10.0 ** rng.uniform(-6, 0, 4)
+        H, c = (Q * curvature) @ Q.T, Q @ (rng.normal(size=4) * 10.0 ** rng.uniform(-9, -3, 4))
+        still = float(np.linalg.norm(c)) * 10.0 ** rng.uniform(-3, 0.5)
+        (step,), _ = solve_each_level([Level(H, c, H[:0], still=still)], wide, DAQP)
+        size, slope = float(np.linalg.norm(step)), float(np.linalg.norm(c))
+        if size == 0.0:
+            assert slope <= 1.5 * still
+            continue
+        assert slope >= still
+        rest = c + H @ step + still * step / size
+        assert np.linalg.norm(rest) <= 0.15 * still + 0.02 * slope

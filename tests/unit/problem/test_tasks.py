@@ -100,6 +100,20 @@ def test_the_exact_hessian_is_the_derivative_of_the_gradient(robot, task, rng):
         assert_close(H, difference_jacobian(lambda q, t=tasks: t.level(robot.at(q)).c, q), 1e-5)
 
 
+def test_the_change_by_a_short_motion_is_what_the_rows_tell(robot, rng):
+    """`change = -J dq` at errors of any size, where rows and the error's own derivative differ; nothing by none."""
+    for _ in range(5):
+        target = robot.forward(robot.random_configuration(rng))
+        bound = [task.of(robot).toward({robot.tip: target}) for task in POSES]
+        for task in [*bound, *others(robot, rng)]:
+            q, dq = robot.random_configuration(rng), 1e-5 * rng.normal(size=robot.n)
+            at = robot.at(q)
+            change, told = task.change(at, at, at.moved(dq)), -task.jacobian(at) @ (at.moved(dq).q - q)
+            assert np.abs(task.change(at, at, at)).max() <= 1e-12
+            if type(task) not in (mq.DampingTask, mq.LimitTask):  # one has no error, the other one to one side
+                assert np.abs(change - told).max() <= 1e-7 * max(1.0, np.abs(task.jacobian(at)).max()), task
+
+
 def test_a_level_below_the_first_is_the_sum_of_its_tasks_and_objectives(robot, rng):
     tasks = TaskCost((mq.PoseTask(target=robot.forward(robot.random_configuration(rng))).of(robot),))
     parts = (mq.ObjectiveTask(mq.Posture(), 0.3).of(robot), mq.ObjectiveTask(mq.Manipulability(), 2.0).of(robot))

@@ -103,7 +103,7 @@ def test_limits_about_an_aim_of_the_call(maira, q, T, limit, own, value):
         ({"tasks": [mq.LimitTask(limit=limit, priority=2)]}, {"tasks": [mq.LimitTask(limit=there, priority=2)]}),
     ):
         one = mq.Solver(maira, **called).step(q, {"tool0": T, "near": value}, DT)
-        np.testing.assert_allclose(one.q, mq.Solver(maira, **asked).step(q, T, DT).q, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(one.q, mq.Solver(maira, **asked).step(q, T, DT).q, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("clutch", [None, mq.Clutch(scale=0.5)])
