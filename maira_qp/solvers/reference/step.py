@@ -419,43 +419,74 @@ def _safe(
         before, share = model.value(there), bounds.share_inside(dq, part)
         if now is not None:
             share *= context.share_in_pace(at, dq, share * part, fastest, now)
-        most = before + ROUNDING * (1 + abs(before))
         slope = ARMIJO * min(float((model.level.c + model.level.H @ solved) @ part), 0.0)
-        solved = displacement
+        most = before + ROUNDING * (1 + abs(before))
         give_back = None if now is None else _giving_back(above, displacement, bounds)
+        trials = _Trials(model, above, at, there, kept, context, bounds, now, broken, fastest, most_loss, give_back)
+        solved = displacement
         for _ in range(HALVINGS):
-            step, trial, shrink, done, off = dq + share * part, there, 0.5, False, 0.0
-            for given in range(1 if give_back is None else RETURNS + 1):
-                if broken is not None and now is not None:
-                    step = _brought_back(at, step, broken, context, bounds, now)
-                if (
-                    step is None
-                    or not bounds.contain(step)
-                    or (now is not None and context.pace(at, step, now) > fastest)
-                ):
-                    shrink, done = 0.8 if given else 0.5, False
-                    break
-                trial = at.moved(step)
-                merit, changes = model.value(trial), _changes(above, at, there, trial)
-                loss = float((_shares(above, trial, context.options) - kept).max(initial=0.0))
-                if now is not None:
-                    merit -= model.model.multipliers @ changes
-                done = loss <= most_loss and merit <= most + share * slope
-                shrink = 0.5 if loss <= most_loss else max(0.1, min(0.9 / math.sqrt(loss), 0.8))  # of second order
-                if give_back is None or given == RETURNS:
-                    break
-                off, before_it = float(np.abs(changes).max()), off
-                if done and off <= context.options.level_orientation_tolerance:
-                    break
-                if given and off > 0.5 * before_it:
-                    break  # too long a way for rows of where it began
-                step = step + give_back(changes)
-            if done and step is not None:
+            step, trial, shrink = trials.of(dq + share * part, most + share * slope)
+            if step is not None:
                 dq, there = step, trial
                 break
             share *= shrink
         kept = np.concatenate([kept, model.shares(there, context.options)])
     return dq
+
+
+@dataclass(frozen=True)
+class _Trials:
+    """Displacements of a tick, with what a level adds to the levels above it, and how they are judged."""
+
+    model: _Model
+    above: Sequence[_Model]
+    at: Configuration
+    there: Configuration
+    """Where the levels above lead"""
+    kept: np.ndarray
+    """What these have reached, as their `shares`"""
+    context: Context
+    bounds: Bounds
+    now: Tick | None
+    broken: np.ndarray | None
+    """What may be broken of limits that the rows alone do not keep"""
+    fastest: float
+    most_loss: float
+    give_back: Callable[[np.ndarray], np.ndarray] | None
+
+    def of(self, step: np.ndarray, most: float) -> tuple[np.ndarray | None, Configuration, float]:
+        """The displacement (n,) as it may be taken, where it leads, and by what a part that may not is to be shortened.
+
+        None where it may not: where it breaks a limit, costs the levels above too much, or the level's merit is more
+        than `most`. What it takes from the levels above is given back as long as that helps.
+        """
+        off, given, options = np.inf, 0, self.context.options
+        while True:
+            if self.broken is not None and self.now is not None:
+                back = _brought_back(self.at, step, self.broken, self.context, self.bounds, self.now)
+                if back is None:
+                    return None, self.there, 0.8 if given else 0.5
+                step = back
+            if not self._is_allowed(step):
+                return None, self.there, 0.8 if given else 0.5
+            trial = self.at.moved(step)
+            merit, changes = self.model.value(trial), _changes(self.above, self.at, self.there, trial)
+            loss = float((_shares(self.above, trial, options) - self.kept).max(initial=0.0))
+            if self.now is not None:
+                merit -= self.model.model.multipliers @ changes
+            is_safe = loss <= self.most_loss and merit <= most
+            before, off = off, float(np.abs(changes).max(initial=0.0))
+            clean = is_safe and off <= options.level_orientation_tolerance
+            too_long = off > 0.5 * before  # for rows of where it began
+            if self.give_back is None or given == RETURNS or clean or too_long:
+                shrink = 0.5 if loss <= self.most_loss else max(0.1, min(0.9 / math.sqrt(loss), 0.8))  # of second order
+                return (step if is_safe else None), trial, shrink
+            step, given = step + self.give_back(changes), given + 1
+
+    def _is_allowed(self, step: np.ndarray) -> bool:
+        """A displacement (n,) is within the bounds, and as slow as limits on speed ask."""
+        slow = self.now is None or self.context.pace(self.at, step, self.now) <= self.fastest
+        return self.bounds.contain(step) and slow
 
 
 def _giving_back(
