@@ -36,7 +36,7 @@ from maira_qp.kernels.spatial.pose_validation import FINE, pose_row
 BAD_CONFIGURATION, TOO_FAR = -1, -2
 
 ARMIJO, ROUNDING, AT_REST, RETURNS = 0.05, 1e-14, 1e-6, 2
-"""As in `solvers.reference.step`."""
+"""As in `solvers.reference.safe_steps` and `.step`."""
 
 ARRIVED, MOVING, NEAREST, STUCK = 0.0, 1.0, 2.0, 3.0
 """As `maira_qp.StepStatus`."""

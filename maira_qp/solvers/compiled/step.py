@@ -33,7 +33,8 @@ from maira_qp.problem.tasks.objective import ObjectiveTask
 from maira_qp.problem.tasks.task import Task
 from maira_qp.results.status import StepStatus
 from maira_qp.solvers.compiled.task_arrays import all_arrays, known
-from maira_qp.solvers.reference.step import HALVINGS, is_of_motion_alone, resting_speed, split_equalities
+from maira_qp.solvers.reference.safe_steps import HALVINGS
+from maira_qp.solvers.reference.step import is_of_motion_alone, resting_speed, split_equalities
 from maira_qp.solvers.reference.step_models import LEAST_DAMPING
 
 STATUSES = tuple(StepStatus)
