@@ -30,9 +30,12 @@ def elbow_aside(robot: mq.Robot, q: np.ndarray, rng: np.random.Generator, **keys
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_an_arm_is_stuck_where_no_share_of_what_the_levels_ask_for_is_safe(robot, engine, rng):
-    """It stands, says so, and goes on saying so; with the usual tolerances the same arm moves."""
+    """It stands, says so, and goes on saying so; with the usual tolerances the same arm moves.
+
+    What the tool loses is given back, to the last digit but for rounding: where that is in its favour the arm moves on.
+    """
     stuck = 0
-    for _ in range(5):
+    for _ in range(10):
         q = robot.random_configuration(rng)
         draws = rng.integers(2**32)
         solvers = [
@@ -45,7 +48,9 @@ def test_an_arm_is_stuck_where_no_share_of_what_the_levels_ask_for_is_safe(robot
         assert (np.abs(free.velocity) > resting_speed(robot)).any()
         if (np.abs(held.velocity) <= resting_speed(robot)).all():
             assert held.status == mq.StepStatus.STUCK
-            assert solvers[0].step(held.q, dt=0.01).status == mq.StepStatus.STUCK
+            again = solvers[0].step(held.q, dt=0.01)
+            stands = (np.abs(again.velocity) <= resting_speed(robot)).all()
+            assert again.status == (mq.StepStatus.STUCK if stands else mq.StepStatus.MOVING)
             stuck += 1
         else:
             assert held.status == mq.StepStatus.MOVING

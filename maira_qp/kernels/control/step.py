@@ -170,7 +170,7 @@ def _take_safe_shares(tree, parents, tasks, places, objectives, numbers, work, q
                     merit -= multipliers[k] * changes[k]
                 done = loss <= most_loss and merit <= most + share * slope
                 shrink = 0.5 if loss <= most_loss else max(0.1, min(0.9 / math.sqrt(loss), 0.8))
-                off, before_it = _largest(changes, rows), off
+                off, before_it = _size(changes, rows), off
                 if given == returns or (done and off <= numbers[Step.ORIENTATION_LOSS]):
                     break
                 if given > 0 and off > 0.5 * before_it:
@@ -223,12 +223,12 @@ def _share_inside(lower, upper, step, part, slack):
 
 
 @device_kernel
-def _largest(changes, rows):
-    """Size of the largest of some changes."""
-    largest = 0.0
+def _size(changes, rows):
+    """Length of some changes."""
+    square = 0.0
     for k in range(rows):
-        largest = max(largest, abs(changes[k]))
-    return largest
+        square += changes[k] * changes[k]
+    return math.sqrt(square)
 
 
 @device_kernel

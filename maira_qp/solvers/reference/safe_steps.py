@@ -177,7 +177,7 @@ class _Trials:
             if self.now is not None:
                 merit -= self.model.model.multipliers @ changes
             is_safe = loss <= self.most_loss and merit <= most
-            before, off = off, float(np.abs(changes).max(initial=0.0))
+            before, off = off, float(np.linalg.norm(changes))
             clean = is_safe and off <= options.level_orientation_tolerance
             too_long = off > 0.5 * before  # for rows of where it began
             if self.give_back is None or given == RETURNS or clean or too_long:
