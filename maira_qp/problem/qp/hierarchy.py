@@ -283,6 +283,19 @@ def _solve_in_null_space(qp: QP, backend: Backend) -> tuple[np.ndarray, bool]:
     return np.clip(-qp.c / qp.H[0], low, high), True
 
 
+def _from_zero(qp: QP) -> tuple[np.ndarray, bool]:
+    """The same of a QP of which z = 0 keeps all rows, by `kernels.qp.null_space_qp`."""
+    from maira_qp.kernels.qp.null_space_qp import ROW_QP, solve_row_qp  # heavy: Numba comes with it
+
+    (m, k), z = qp.G.shape, np.zeros(len(qp.c))
+    n = max(m, k)
+    rows, upper = np.zeros((n, k)), np.full(n, np.inf)
+    rows[:m], upper[:m] = qp.G, qp.h
+    work = [np.empty(count, kind) for count, kind in zip(ROW_QP.sizes(n), (float, np.int64), strict=True)]
+    found = qp.is_well_posed() and solve_row_qp(qp.H, qp.c, k, rows, -np.full(n, np.inf), upper, *work, z, np.zeros(n))
+    return (z, True) if found else (np.zeros(k), False)
+
+
 RUBS = 20
 """Times that the damping of a step is found again from its length."""
 
@@ -299,19 +312,6 @@ JUMP = 30.0
 """By what the damping grows where friction is more than the gradient along the longest part of a step."""
 
 
-def _from_zero(qp: QP) -> tuple[np.ndarray, bool]:
-    """The same of a QP of which z = 0 keeps all rows, by `kernels.qp.null_space_qp`."""
-    from maira_qp.kernels.qp.null_space_qp import ROW_QP, solve_row_qp  # heavy: Numba comes with it
-
-    (m, k), z = qp.G.shape, np.zeros(len(qp.c))
-    n = max(m, k)
-    rows, upper = np.zeros((n, k)), np.full(n, np.inf)
-    rows[:m], upper[:m] = qp.G, qp.h
-    work = [np.empty(count, kind) for count, kind in zip(ROW_QP.sizes(n), (float, np.int64), strict=True)]
-    found = qp.is_well_posed() and solve_row_qp(qp.H, qp.c, k, rows, -np.full(n, np.inf), upper, *work, z, np.zeros(n))
-    return (z, True) if found else (np.zeros(k), False)
-
-
 def _with_friction(problem: Subproblem, z: np.ndarray, level: Level, solve: Callable[[QP], np.ndarray]) -> np.ndarray:
     """The step z (k,) with the cost `Level.still |dq|` beside the level's own, as by dry friction.
 
@@ -326,7 +326,7 @@ def _with_friction(problem: Subproblem, z: np.ndarray, level: Level, solve: Call
         fall, length = _fall(problem, z, level)
         if (
             length == 0.0
-            or still * length <= RUBS_LITTLE * fall
+            or (not rub and still * length <= RUBS_LITTLE * fall)
             or (rub and abs(damping * length - still) <= SETTLED * still)
         ):
             break

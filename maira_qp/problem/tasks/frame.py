@@ -155,19 +155,18 @@ class FrameTask(TargetTask):
 
     def error(self, at: Configuration) -> np.ndarray:
         """Error (m,) [m, rad] of the frame against the target, the rows that count."""
-        e = frame_error(at.placement(self.frame, self.offset), self.target)
-        if self.axes == "target":
-            e = (e.reshape(2, 3) @ self.target.rotation).ravel()
-        return e[self.kept]
+        return self._rows_of(frame_error(at.placement(self.frame, self.offset), self.target))
 
     def change(self, at: Configuration, before: Configuration, after: Configuration) -> np.ndarray:
         """What a motion changes of the error (m,); for even weights of the turn, how the frame has turned."""
         if not self._turns_evenly:
             return super().change(at, before, after)
-        e = frame_error(after.placement(self.frame, self.offset), before.placement(self.frame, self.offset))
-        if self.axes == "target":
-            e = (e.reshape(2, 3) @ self.target.rotation).ravel()
-        return e[self.kept]
+        here, there = (each.placement(self.frame, self.offset) for each in (before, after))
+        return self._rows_of(frame_error(there, here))
+
+    def _rows_of(self, e: np.ndarray) -> np.ndarray:
+        """The rows that count (m,) of an error (6,) in base axes, in the axes of the task."""
+        return (e if self.axes == "base" else (e.reshape(2, 3) @ self.target.rotation).ravel())[self.kept]
 
     def jacobian(self, at: Configuration) -> np.ndarray:
         """Jacobian (m, n): the error falls by J dq. Even weights: the geometric Jacobian in base axes."""
