@@ -144,31 +144,15 @@ def _set_apart(H, c, k, Z, leaning):
         corner = Z[i, last] + side
         scale = 1.0 / (side * corner)  # 2 / |v|^2 of v = (Z[i, 0], ..., Z[i, last] + side)
         Z[i, last] = corner
+        v = Z[i, :m]
         for p in range(k):
-            s = 0.0
-            for r in range(m):
-                s += H[p, r] * Z[i, r]
-            for r in range(m):
-                H[p, r] -= scale * s * Z[i, r]
+            _reflect(H[p], v, scale)
         for p in range(k):
-            s = 0.0
-            for r in range(m):
-                s += H[r, p] * Z[i, r]
-            for r in range(m):
-                H[r, p] -= scale * s * Z[i, r]
-        s = 0.0
-        for r in range(m):
-            s += c[r] * Z[i, r]
-        for r in range(m):
-            c[r] -= scale * s * Z[i, r]
+            _reflect(H[:, p], v, scale)
+        _reflect(c, v, scale)
         for j in range(len(Z)):
-            if j == i:
-                continue
-            s = 0.0
-            for r in range(m):
-                s += Z[j, r] * Z[i, r]
-            for r in range(m):
-                Z[j, r] -= scale * s * Z[i, r]
+            if j != i:
+                _reflect(Z[j], v, scale)
         for r in range(last):
             Z[i, r] = 0.0
         Z[i, last] = -side
@@ -176,6 +160,16 @@ def _set_apart(H, c, k, Z, leaning):
             H[p, last], H[last, p] = 0.0, 0.0
         H[last, last] = math.sqrt(square)
         m = last
+
+
+@device_kernel
+def _reflect(x, v, scale):
+    """`x - scale (v x) v` in place, of the first entries of x."""
+    s = 0.0
+    for r in range(len(v)):
+        s += x[r] * v[r]
+    for r in range(len(v)):
+        x[r] -= scale * s * v[r]
 
 
 @device_kernel

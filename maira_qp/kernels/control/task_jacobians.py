@@ -77,14 +77,8 @@ def _direction_error(task, kind, tool, target, e):
     """The rotation vector that takes the axis a to the direction d, along the two axes across a."""
     a, (d, _) = _axis(task, tool), _direction(task, kind, tool, target)
     first, second = _across(a)
-    turn, along = cross(a, d), dot(a, d)
-    sine = length(turn)
-    angle = math.atan2(sine, along)
-    if sine < 1e-12 and along < 0.0:
-        turn, angle = across_most(a), math.pi
-        sine = length(turn)
-    share = angle / sine if sine > 0.0 else 0.0
-    e[3], e[4] = share * dot(turn, first), share * dot(turn, second)
+    turn = _turn_between(a, d)
+    e[3], e[4] = dot(turn, first), dot(turn, second)
 
 
 @device_kernel
@@ -150,10 +144,13 @@ def _turn_back(task, kind, before, after, target):
 @device_kernel
 def _turn_between(a, b):
     """The rotation vector that takes a unit vector to another, the short way."""
-    turn = cross(a, b)
+    turn, along = cross(a, b), dot(a, b)
     sine = length(turn)
-    share = math.atan2(sine, dot(a, b)) / sine if sine > 0.0 else 0.0
-    return scaled(share, turn)
+    angle = math.atan2(sine, along)
+    if sine < 1e-12 and along < 0.0:
+        turn, angle = across_most(a), math.pi
+        sine = length(turn)
+    return scaled(angle / sine if sine > 0.0 else 0.0, turn)
 
 
 @kernel
